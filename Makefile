@@ -1,0 +1,64 @@
+# The commands of this project. `make demo` and `make test` each work as the first command on a machine
+# with Python 3.11+ and a C++ compiler.
+
+PYTHON ?= python3
+VENV := .venv
+RUN := $(VENV)/bin/python
+PIP := $(VENV)/bin/pip install --quiet --disable-pip-version-check -c constraints.txt
+CORE := $(shell find intersection_env/core -type f)
+CXX_SOURCES := $(filter %.hpp %.cpp,$(CORE))
+RECORDINGS ?= data/recordings
+
+.PHONY: demo setup check test harden bench maps recordings statistics format clean
+
+demo: $(VENV)/.package
+	$(RUN) -m experiments.demo --recordings $(RECORDINGS)
+
+setup: $(VENV)/.development
+
+check: setup
+	$(VENV)/bin/ruff check .
+	$(VENV)/bin/ruff format --check .
+	$(VENV)/bin/mypy
+	$(VENV)/bin/clang-format --dry-run -Werror $(CXX_SOURCES)
+
+test: setup
+	$(RUN) -m pytest -n 2
+
+# The tests of the core once more, under AddressSanitizer and UBSan, with many more random cases.
+harden: setup
+	bash .ci/harden
+
+bench: setup
+	$(RUN) -m experiments.bench
+
+maps: setup
+	$(RUN) -m intersection_env.map_compiler
+
+recordings: setup
+	$(RUN) -m data.sumo
+
+statistics: $(VENV)/.package
+	$(RUN) -m data.build $(RECORDINGS) --map bendplatz --out out/scenes.npz
+	$(RUN) -m data.statistics out/scenes.npz
+
+format: setup
+	$(VENV)/bin/ruff check --fix .
+	$(VENV)/bin/ruff format .
+	$(VENV)/bin/clang-format -i $(CXX_SOURCES)
+
+clean:
+	rm -rf $(VENV) build dist out
+
+$(VENV)/.tools: constraints.txt
+	$(PYTHON) -m venv $(VENV)
+	$(PIP) scikit-build-core nanobind cmake ninja
+	touch $@
+
+$(VENV)/.package: $(VENV)/.tools pyproject.toml $(CORE)
+	$(PIP) --no-build-isolation -e '.[data,render]'
+	touch $@
+
+$(VENV)/.development: $(VENV)/.package
+	$(PIP) --no-build-isolation -e '.[data,render,sumo,dev]'
+	touch $@

@@ -1,0 +1,27 @@
+// Chooses the kernel for this machine, once; INTERSECTION_ENV_ISA=baseline|v3|v4 overrides it.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "problem.hpp"
+
+namespace intersection_env {
+
+// The memory of one block; opaque, made and freed by the kernel that uses it.
+struct Workspace;
+
+struct Kernel {
+    const char* name;
+    int lanes;
+    Workspace* (*create)();
+    void (*destroy)(Workspace*);
+    void (*run)(const Problem&, const BlockArguments&, Workspace&);
+};
+
+// Throws std::runtime_error where the override names an instruction set that is unknown or not here.
+const Kernel& kernel();
+const Kernel& kernel_named(const std::string& name);
+std::vector<std::string> available_kernels();
+
+} // namespace intersection_env

@@ -1,0 +1,124 @@
+#include "policy.hpp"
+
+#include <algorithm>
+#include <array>
+#include <stdexcept>
+
+#include "text_reader.hpp"
+
+namespace intersection_env {
+namespace {
+
+constexpr std::array<std::string_view, 4> GAP_FEATURES = {"yielder_distance_to_pga_m", "yielder_speed_mps",
+                                                          "foe_distance_to_stop_line_m", "foe_speed_mps"};
+constexpr std::array<std::string_view, 12> DRIVING_FEATURES = {"distance_to_stop_line_m",
+                                                               "speed_mps",
+                                                               "speed_limit_mps",
+                                                               "relative_heading_-10m_rad",
+                                                               "relative_heading_-3m_rad",
+                                                               "relative_heading_3m_rad",
+                                                               "relative_heading_10m_rad",
+                                                               "relative_heading_30m_rad",
+                                                               "relative_heading_100m_rad",
+                                                               "lead_distance_m",
+                                                               "lead_speed_mps",
+                                                               "enters"};
+
+// x -> (x - shift) * scale becomes part of the first layer, computed in float64.
+template <int INPUTS>
+void fold_scaling(Network<INPUTS>& network, const std::vector<float>& shift, const std::vector<float>& scale) {
+    for (std::size_t o = 0; o < HIDDEN; ++o) {
+        double bias = network.bias0[o];
+        for (std::size_t i = 0; i < INPUTS; ++i) {
+            const double weight = static_cast<double>(network.weight0[o * INPUTS + i]) * scale[i];
+            bias -= weight * shift[i];
+            network.weight0[o * INPUTS + i] = static_cast<float>(weight);
+        }
+        network.bias0[o] = static_cast<float>(bias);
+    }
+}
+
+template <int INPUTS>
+Network<INPUTS> read_network(TextReader& reader, const std::array<std::string_view, INPUTS>& features) {
+    if (reader.count("inputs", 1, 1000) != INPUTS) {
+        reader.fail("the network must have " + std::to_string(INPUTS) + " inputs");
+    }
+    std::vector<float> shift, scale;
+    for (const std::string_view feature : features) {
+        const std::vector<float> row = reader.floats(feature, 2);
+        shift.push_back(row[0]);
+        scale.push_back(row[1]);
+    }
+    Network<INPUTS> network{};
+    const auto layer = [&reader](std::size_t outputs, std::size_t inputs, float* weight, float* bias) {
+        const std::vector<float> shape = reader.floats("layer", 2);
+        if (shape[0] != static_cast<float>(outputs) || shape[1] != static_cast<float>(inputs)) {
+            reader.fail("a layer of " + std::to_string(outputs) + " outputs and " + std::to_string(inputs) +
+                        " inputs was expected");
+        }
+        std::ranges::copy(reader.floats("bias", outputs), bias);
+        for (std::size_t o = 0; o < outputs; ++o) {
+            std::ranges::copy(reader.floats("", inputs), weight + o * inputs);
+        }
+    };
+    layer(HIDDEN, INPUTS, network.weight0, network.bias0);
+    layer(HIDDEN, HIDDEN, network.weight1, network.bias1);
+    layer(1, HIDDEN, network.weight2, network.bias2);
+    fold_scaling(network, shift, scale);
+    return network;
+}
+
+} // namespace
+
+Gap gap_named(std::string_view name) {
+    if (name == "critical_gap")
+        return Gap::critical_gap;
+    if (name == "sumo")
+        return Gap::sumo;
+    if (name == "network")
+        return Gap::network;
+    throw std::invalid_argument("gap must be \"critical_gap\", \"sumo\" or \"network\", not \"" + std::string(name) +
+                                "\"");
+}
+
+Driver driver_named(std::string_view name) {
+    if (name == "idm")
+        return Driver::idm;
+    if (name == "constant_velocity")
+        return Driver::constant_velocity;
+    if (name == "network")
+        return Driver::network;
+    throw std::invalid_argument("driver must be \"idm\", \"constant_velocity\" or \"network\", not \"" +
+                                std::string(name) + "\"");
+}
+
+Policy Policy::read(const std::string& path) { return parse(read_file(path), path); }
+
+Policy Policy::parse(std::string text, std::string where) {
+    TextReader reader(std::move(text), std::move(where), "intersection_env policy", 1);
+    Policy policy;
+    const float dt = reader.floats("dt", 1)[0];
+    if (dt != DT) {
+        reader.fail("dt is " + std::to_string(dt) + " s, the core steps by " + std::to_string(DT) + " s");
+    }
+    policy.acceleration_scale = reader.floats("acceleration_scale", 1)[0];
+    if (!(policy.acceleration_scale > 0.0F)) {
+        reader.fail("acceleration_scale must be positive");
+    }
+    try {
+        policy.gap = gap_named(reader.word("gap"));
+        policy.driver = driver_named(reader.word("driver"));
+    } catch (const std::invalid_argument& error) {
+        reader.fail(error.what());
+    }
+    if (policy.gap == Gap::network) {
+        policy.gap_network = read_network<GAP_INPUTS>(reader, GAP_FEATURES);
+    }
+    if (policy.driver == Driver::network) {
+        policy.driving_network = read_network<DRIVING_INPUTS>(reader, DRIVING_FEATURES);
+    }
+    reader.finish();
+    return policy;
+}
+
+} // namespace intersection_env

@@ -1,0 +1,55 @@
+// What decides and what drives: rules with their parameters, or the two networks from a policy file.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace intersection_env {
+
+constexpr float DT = 0.2F;                                      // [s], paper, Section IV-B
+constexpr int GAP_INPUTS = 4, DRIVING_INPUTS = 12, HIDDEN = 16; // paper, Table III
+
+// IN/16/16/1; weights row by row (output, input). The input scaling is folded into the first layer.
+template <int INPUTS>
+struct Network {
+    float weight0[HIDDEN * INPUTS], bias0[HIDDEN];
+    float weight1[HIDDEN * HIDDEN], bias1[HIDDEN];
+    float weight2[HIDDEN], bias2[1];
+};
+
+using GapNetwork = Network<GAP_INPUTS>;
+using DrivingNetwork = Network<DRIVING_INPUTS>;
+
+enum class Gap : std::uint8_t { critical_gap, sumo, network };
+enum class Driver : std::uint8_t { idm, constant_velocity, network };
+
+// Intelligent Driver Model; defaults: paper, Section IV-C.2. The floor is ours: hardest braking [m/s²].
+struct IdmParameters {
+    float standing_gap = 1.5F;       // s0 [m]
+    float time_gap = 1.0F;           // T [s]
+    float acceleration = 2.5F;       // a [m/s²]
+    float deceleration = 4.0F;       // b [m/s²]
+    float deceleration_limit = 8.0F; // [m/s²]
+};
+
+struct Policy {
+    Gap gap = Gap::critical_gap;
+    Driver driver = Driver::idm;
+    IdmParameters idm;
+    float acceleration_scale = 6.0F; // [m/s²] at a driving network's output of 1
+    std::optional<GapNetwork> gap_network;
+    std::optional<DrivingNetwork> driving_network;
+
+    // Reads a policy file. Throws FormatError.
+    static Policy read(const std::string& path);
+    static Policy parse(std::string text, std::string where);
+};
+
+// Throws std::invalid_argument for a name that is none.
+Gap gap_named(std::string_view name);
+Driver driver_named(std::string_view name);
+
+} // namespace intersection_env

@@ -1,0 +1,175 @@
+#include "predictor.hpp"
+
+#include <algorithm>
+#include <limits>
+#include <stdexcept>
+#include <string>
+
+#include "circles.hpp"
+#include "orders.hpp"
+
+namespace intersection_env {
+namespace {
+
+constexpr float UNBOUNDED = 1000.0F; // [m/s], stands for an infinite top speed in the kernel's finite arithmetic
+constexpr Interval EVERYWHERE{-1.0e6F, 1.0e6F};
+
+std::size_t at(int index) { return static_cast<std::size_t>(index); }
+
+} // namespace
+
+struct Predictor::Bound {
+    std::vector<ProblemVehicle> vehicles;
+    std::vector<LeadCandidate> candidates;
+    std::vector<ProblemPair> pairs;
+    std::vector<Touch> touches;
+};
+
+Predictor::Predictor(std::shared_ptr<const Map> map, Policy policy) : map_(std::move(map)), policy_(std::move(policy)) {
+    if ((policy_.gap == Gap::network && !policy_.gap_network) ||
+        (policy_.driver == Driver::network && !policy_.driving_network)) {
+        throw std::invalid_argument("the policy names a network that it does not hold");
+    }
+    for (const Route& route : map_->routes) {
+        Tables tables;
+        for (const Sample& sample : route.samples) {
+            tables.observed.push_back(sample.v_max);
+            tables.observed.insert(tables.observed.end(), sample.relative_heading.begin(),
+                                   sample.relative_heading.end());
+            tables.observed.push_back(0.0F);
+            tables.pose.insert(tables.pose.end(), {sample.x, sample.y, sample.heading, 0.0F});
+        }
+        tables_.push_back(std::move(tables));
+    }
+}
+
+void Predictor::add_candidates(const Traffic& traffic, int i, Bound& bound) const {
+    const int route = traffic.route[at(i)];
+    for (int j = 0; j < traffic.count(); ++j) {
+        const int other = traffic.route[at(j)];
+        if (i == j) {
+            continue;
+        }
+        LeadCandidate candidate{};
+        candidate.other = j;
+        candidate.half_lengths = 0.5F * (traffic.length[at(i)] + traffic.length[at(j)]);
+        candidate.same_stop_lane = map_->routes[at(route)].stop_lane == map_->routes[at(other)].stop_lane;
+        const SharedLane* shared = map_->shared_lane(route, other);
+        if (route == other) {
+            candidate.split = EVERYWHERE.end;
+        } else if (shared == nullptr) {
+            continue;
+        } else if (shared->split > 0.0F) {
+            candidate.split = shared->split;
+            if (std::max(traffic.rear(i), traffic.rear(j)) >= shared->split) {
+                continue; // nobody drives backwards
+            }
+        } else {
+            candidate.after_merge = true;
+            candidate.merge = shared->a == other ? shared->merge_a : shared->merge_b;
+            candidate.offset = shared->a == route ? shared->offset : -shared->offset;
+        }
+        bound.candidates.push_back(candidate);
+    }
+}
+
+void Predictor::add_touches(const Traffic& traffic, Bound& bound) const {
+    for (int a = 0; a < traffic.count(); ++a) {
+        for (int b = a + 1; b < traffic.count(); ++b) {
+            Touch touch{a, b, EVERYWHERE, EVERYWHERE, CIRCLE_RADIUS * (traffic.width[at(a)] + traffic.width[at(b)])};
+            if (traffic.route[at(a)] != traffic.route[at(b)]) {
+                const Overlap* overlap = map_->overlap(traffic.route[at(a)], traffic.route[at(b)]);
+                if (overlap == nullptr) {
+                    continue;
+                }
+                const bool in_order = overlap->a == traffic.route[at(a)];
+                touch.on_a = in_order ? overlap->on_a : overlap->on_b;
+                touch.on_b = in_order ? overlap->on_b : overlap->on_a;
+                if (traffic.rear(a) > touch.on_a.end || traffic.rear(b) > touch.on_b.end) {
+                    continue;
+                }
+            }
+            bound.touches.push_back(touch);
+        }
+    }
+}
+
+Predictor::Bound Predictor::bind(const Traffic& traffic, std::span<const Pair> pairs) const {
+    Bound bound;
+    const std::vector<std::uint8_t> goes = committed(*map_, traffic);
+    for (int i = 0; i < traffic.count(); ++i) {
+        const int index = traffic.route[at(i)];
+        const Route& route = map_->routes[at(index)];
+        const int first = static_cast<int>(bound.candidates.size());
+        add_candidates(traffic, i, bound);
+        bound.vehicles.push_back({tables_[at(index)].observed.data(), tables_[at(index)].pose.data(),
+                                  static_cast<int>(route.samples.size()) - 1, traffic.position[at(i)],
+                                  traffic.speed[at(i)], 0.5F * traffic.length[at(i)], 0.5F * traffic.width[at(i)],
+                                  std::min(traffic.max_speed[at(i)], UNBOUNDED), route.stop_line, route.length, index,
+                                  goes[at(i)] != 0, first, static_cast<int>(bound.candidates.size())});
+    }
+    for (const Pair& pair : pairs) {
+        const Conflict& conflict =
+            *map_->conflict(traffic.route[at(pair.yielder)], traffic.route[at(pair.prioritized)]);
+        bound.pairs.push_back(
+            {pair.yielder, pair.prioritized, conflict.on_yielder.end, conflict.on_prioritized.end, conflict.merging});
+    }
+    add_touches(traffic, bound);
+    return bound;
+}
+
+void Predictor::predict(const Traffic& traffic, std::span<std::int8_t> assignments, int scenarios,
+                        std::span<const std::uint8_t> decisions, const Results& results, const Kernel& kernel) const {
+    check(*map_, traffic);
+    const std::vector<Pair> pairs = find_conflicts(*map_, traffic);
+    const std::size_t pair_count = pairs.size(), vehicles = at(traffic.count());
+    if (pair_count > MAX_PAIRS) {
+        throw std::invalid_argument(std::to_string(pair_count) + " conflicting pairs are more than " +
+                                    std::to_string(MAX_PAIRS));
+    }
+    if (scenarios < 0 || assignments.size() != at(scenarios) * pair_count ||
+        (!decisions.empty() && decisions.size() != at(scenarios) * STEPS * vehicles)) {
+        throw std::invalid_argument("assignments must be (scenario, " + std::to_string(pair_count) +
+                                    ") and decisions (scenario, " + std::to_string(STEPS) + ", vehicle)");
+    }
+    for (int s = 0; s < scenarios; ++s) {
+        complete(*map_, traffic, pairs, assignments.subspan(at(s) * pair_count, pair_count));
+    }
+    const Bound bound = bind(traffic, pairs);
+    const Problem problem{bound.vehicles.data(),
+                          bound.candidates.data(),
+                          bound.pairs.data(),
+                          bound.touches.data(),
+                          static_cast<int>(vehicles),
+                          static_cast<int>(pair_count),
+                          static_cast<int>(bound.touches.size()),
+                          static_cast<int>(map_->routes.size()),
+                          1.0F / map_->spacing,
+                          policy_.gap,
+                          policy_.driver,
+                          policy_.idm,
+                          policy_.acceleration_scale,
+                          policy_.gap_network ? &*policy_.gap_network : nullptr,
+                          policy_.driving_network ? &*policy_.driving_network : nullptr};
+    const std::unique_ptr<Workspace, void (*)(Workspace*)> workspace(kernel.create(), kernel.destroy);
+    for (int first = 0; first < scenarios; first += kernel.lanes) {
+        const std::size_t frames = at(first) * (STEPS + 1) * vehicles;
+        const auto from = [frames](auto* values) { return values == nullptr ? nullptr : values + frames; };
+        const Trajectories& t = results.trajectories;
+        kernel.run(problem,
+                   {assignments.data() + at(first) * pair_count,
+                    decisions.empty() ? nullptr : decisions.data() + at(first) * STEPS * vehicles,
+                    std::min(kernel.lanes, scenarios - first),
+                    {from(t.position), from(t.speed), from(t.acceleration), from(t.enters), from(t.present)},
+                    results.time_loss + at(first) * vehicles,
+                    results.minimum_distance == nullptr ? nullptr : results.minimum_distance + first},
+                   *workspace);
+    }
+    if (results.minimum_distance != nullptr) {
+        std::replace_if(
+            results.minimum_distance, results.minimum_distance + scenarios,
+            [](float distance) { return distance >= NO_DISTANCE; }, std::numeric_limits<float>::infinity());
+    }
+}
+
+} // namespace intersection_env

@@ -1,0 +1,50 @@
+// Predicts one traffic under many priority assignments.
+#pragma once
+
+#include <memory>
+#include <span>
+#include <vector>
+
+#include "dispatch.hpp"
+#include "map.hpp"
+#include "policy.hpp"
+#include "problem.hpp"
+#include "traffic.hpp"
+
+namespace intersection_env {
+
+// Where the results go. Arrays of trajectories are (scenario, STEPS + 1, vehicle); null pointers are skipped.
+struct Results {
+    Trajectories trajectories{};
+    float* time_loss = nullptr;        // (scenario, vehicle) [s], always written
+    float* minimum_distance = nullptr; // (scenario,) [m], infinite where no two vehicles can touch
+};
+
+class Predictor {
+  public:
+    Predictor(std::shared_ptr<const Map> map, Policy policy);
+
+    const Map& map() const { return *map_; }
+    const Policy& policy() const { return policy_; }
+
+    // assignments: (scenario, pair) over find_conflicts(map, traffic), completed in place under lane order.
+    // decisions: (scenario, step, vehicle) to replay instead of deciding, or empty.
+    // Throws std::invalid_argument for a traffic or an assignment that is refused.
+    void predict(const Traffic& traffic, std::span<std::int8_t> assignments, int scenarios,
+                 std::span<const std::uint8_t> decisions, const Results& results, const Kernel& kernel) const;
+
+  private:
+    struct Tables { // one route's rows for the kernel
+        std::vector<float> observed, pose;
+    };
+    struct Bound; // a Problem and what it points to
+    Bound bind(const Traffic& traffic, std::span<const Pair> pairs) const;
+    void add_candidates(const Traffic& traffic, int i, Bound& bound) const;
+    void add_touches(const Traffic& traffic, Bound& bound) const;
+
+    std::shared_ptr<const Map> map_;
+    Policy policy_;
+    std::vector<Tables> tables_;
+};
+
+} // namespace intersection_env

@@ -1,0 +1,86 @@
+// What all scenarios of one prediction share, flat and ready for the kernel; and where its results go.
+#pragma once
+
+#include <cstdint>
+
+#include "map.hpp"
+#include "policy.hpp"
+#include "traffic.hpp"
+
+namespace intersection_env {
+
+constexpr int STEPS = 50;                        // 10 s
+constexpr int MAX_PAIRS = 1024;                  // ours
+constexpr float LEAD_RANGE = 100.0F;             // [m], paper, Section III-B.2
+constexpr float FREE_LEAD_SPEED = 100.0F / 3.6F; // [m/s], likewise
+constexpr int OBSERVED_COLUMNS = 8, POSE_COLUMNS = 4;
+
+// One vehicle, as all scenarios know it.
+struct ProblemVehicle {
+    const float* observed; // rows of v_max and six relative headings, one a grid point
+    const float* pose;     // rows of x, y, heading
+    int last_sample;
+    float position, speed, half_length, half_width, max_speed;
+    float stop_line, route_length;
+    int route;
+    bool committed;
+    int first_candidate, last_candidate; // range in Problem::candidates
+};
+
+// Vehicle `other` may lead: ahead on a stretch shared from the start, or beyond a merge.
+struct LeadCandidate {
+    int other;
+    bool after_merge;
+    float split;  // [m], shared entry: both rears must be before it
+    float merge;  // [m], shared exit: the other's front must be beyond it
+    float offset; // [m], the other's position is ours plus this
+    float half_lengths;
+    bool same_stop_lane;
+};
+
+struct ProblemPair {
+    int yielder, prioritized;
+    float yielder_end, prioritized_end;
+    bool merging;
+};
+
+struct Touch {
+    int a, b;
+    Interval on_a, on_b;
+    float radii; // [m], the sum of both
+};
+
+// Pointers and counts only: the kernel must not call inline functions of the standard library.
+struct Problem {
+    const ProblemVehicle* vehicles;
+    const LeadCandidate* candidates;
+    const ProblemPair* pairs;
+    const Touch* touches;
+    int vehicle_count, pair_count, touch_count, route_count;
+    float inverse_spacing;
+    Gap gap;
+    Driver driver;
+    IdmParameters idm;
+    float acceleration_scale;
+    const GapNetwork* gap_network;
+    const DrivingNetwork* driving_network;
+};
+
+constexpr float NO_DISTANCE = 3.0e38F; // the kernel's word for: no two vehicles can touch
+
+// Arrays (scenario, time, vehicle) of one block's scenarios; null where not wanted.
+struct Trajectories {
+    float *position, *speed, *acceleration;
+    std::uint8_t *enters, *present;
+};
+
+struct BlockArguments {
+    const std::int8_t* assignments; // (scenario, pair)
+    const std::uint8_t* decisions;  // (scenario, step, vehicle) to replay, or null
+    int scenarios;                  // at most the lanes of the instruction set
+    Trajectories trajectories;
+    float* time_loss;        // (scenario, vehicle)
+    float* minimum_distance; // (scenario,), or null: not wanted
+};
+
+} // namespace intersection_env

@@ -1,0 +1,145 @@
+#include "traffic.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <stdexcept>
+#include <string>
+
+#include "circles.hpp"
+
+namespace intersection_env {
+namespace {
+
+std::size_t at(int index) { return static_cast<std::size_t>(index); }
+
+[[noreturn]] void refuse(int vehicle, const std::string& problem) {
+    throw std::invalid_argument("vehicle " + std::to_string(vehicle) + ": " + problem);
+}
+
+void check_number(int vehicle, const char* what, float value, float least, float most) {
+    if (!(value >= least && value <= most)) {
+        refuse(vehicle, std::string(what) + " must be from " + std::to_string(least) + " to " + std::to_string(most) +
+                            ", not " + std::to_string(value));
+    }
+}
+
+} // namespace
+
+void check(const Map& map, const Traffic& traffic) {
+    const std::size_t count = traffic.route.size();
+    for (const auto* values :
+         {&traffic.position, &traffic.speed, &traffic.length, &traffic.width, &traffic.max_speed}) {
+        if (values->size() != count) {
+            throw std::invalid_argument("all arrays of a traffic must have one entry a vehicle");
+        }
+    }
+    if (count > MAX_VEHICLES) {
+        throw std::invalid_argument(std::to_string(count) + " vehicles are more than the " +
+                                    std::to_string(MAX_VEHICLES) + " that one traffic may hold");
+    }
+    for (int i = 0; i < static_cast<int>(count); ++i) {
+        if (traffic.route[at(i)] < 0 || at(traffic.route[at(i)]) >= map.routes.size()) {
+            refuse(i, "route " + std::to_string(traffic.route[at(i)]) + " is not one of the map's " +
+                          std::to_string(map.routes.size()));
+        }
+        check_number(i, "position", traffic.position[at(i)], 0.0F, map.routes[at(traffic.route[at(i)])].length);
+        check_number(i, "speed", traffic.speed[at(i)], 0.0F, 100.0F);
+        check_number(i, "length", traffic.length[at(i)], 0.1F, 50.0F);
+        check_number(i, "width", traffic.width[at(i)], 0.1F, 10.0F);
+        if (!(traffic.max_speed[at(i)] >= 0.1F)) {
+            refuse(i, "max_speed must be at least 0.1, not " + std::to_string(traffic.max_speed[at(i)]));
+        }
+    }
+}
+
+std::vector<Pair> find_conflicts(const Map& map, const Traffic& traffic) {
+    std::vector<Pair> pairs;
+    for (int i = 0; i < traffic.count(); ++i) {
+        for (int j = 0; j < traffic.count(); ++j) {
+            const Conflict* conflict = map.conflict(traffic.route[at(i)], traffic.route[at(j)]);
+            if (conflict != nullptr && conflict->yielder == traffic.route[at(i)] &&
+                traffic.rear(i) < conflict->on_yielder.end && traffic.position[at(j)] < conflict->on_prioritized.end) {
+                pairs.push_back({i, j});
+            }
+        }
+    }
+    return pairs;
+}
+
+std::vector<Pair> lane_order(const Map& map, const Traffic& traffic) {
+    std::vector<int> waiting;
+    for (int i = 0; i < traffic.count(); ++i) {
+        if (traffic.front(i) <= map.routes[at(traffic.route[at(i)])].stop_line) {
+            waiting.push_back(i);
+        }
+    }
+    const auto lane = [&](int i) { return map.routes[at(traffic.route[at(i)])].stop_lane; };
+    const auto to_line = [&](int i) { return map.routes[at(traffic.route[at(i)])].stop_line - traffic.front(i); };
+    std::stable_sort(waiting.begin(), waiting.end(),
+                     [&](int a, int b) { return lane(a) != lane(b) ? lane(a) < lane(b) : to_line(a) < to_line(b); });
+    std::vector<Pair> order;
+    for (std::size_t k = 1; k < waiting.size(); ++k) {
+        if (lane(waiting[k - 1]) == lane(waiting[k])) {
+            order.push_back({waiting[k - 1], waiting[k]});
+        }
+    }
+    return order;
+}
+
+std::vector<std::uint8_t> committed(const Map& map, const Traffic& traffic) {
+    std::vector<std::uint8_t> result(traffic.route.size());
+    for (int i = 0; i < traffic.count(); ++i) {
+        const Route& route = map.routes[at(traffic.route[at(i)])];
+        const float speed = traffic.speed[at(i)];
+        const bool cannot_stop = route.stop_line - traffic.front(i) < speed * speed / (2.0F * BRAKING);
+        result[at(i)] = cannot_stop && (speed >= 1.0F || traffic.front(i) > route.first_conflict);
+    }
+    return result;
+}
+
+namespace {
+
+Circles<float> circles(const Map& map, const Traffic& traffic, int i) {
+    const Sample sample = map.at(traffic.route[at(i)], traffic.position[at(i)]);
+    const float offset = CIRCLE_OFFSET * traffic.length[at(i)];
+    return {sample.x, sample.y, offset * std::cos(sample.heading), offset * std::sin(sample.heading)};
+}
+
+bool meets(const Traffic& traffic, int i, const Interval& interval) {
+    return traffic.front(i) >= interval.begin && traffic.rear(i) <= interval.end;
+}
+
+bool can_touch(const Map& map, const Traffic& traffic, int i, int j) {
+    const int a = traffic.route[at(i)], b = traffic.route[at(j)];
+    if (a == b) {
+        return true;
+    }
+    const Overlap* overlap = map.overlap(a, b);
+    if (overlap == nullptr) {
+        return false;
+    }
+    const bool in_order = overlap->a == a;
+    return meets(traffic, i, in_order ? overlap->on_a : overlap->on_b) &&
+           meets(traffic, j, in_order ? overlap->on_b : overlap->on_a);
+}
+
+} // namespace
+
+std::optional<Closest> closest(const Map& map, const Traffic& traffic) {
+    std::optional<Closest> result;
+    for (int i = 0; i < traffic.count(); ++i) {
+        for (int j = i + 1; j < traffic.count(); ++j) {
+            if (!can_touch(map, traffic, i, j)) {
+                continue;
+            }
+            const float between = std::sqrt(squared_distance(circles(map, traffic, i), circles(map, traffic, j)));
+            const float distance = between - CIRCLE_RADIUS * (traffic.width[at(i)] + traffic.width[at(j)]);
+            if (!result || distance < result->distance) {
+                result = Closest{distance, i, j};
+            }
+        }
+    }
+    return result;
+}
+
+} // namespace intersection_env

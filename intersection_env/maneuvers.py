@@ -1,0 +1,145 @@
+"""Crossing orders: enumerated, predicted and ranked by the time they save."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from intersection_env import _core
+from intersection_env.metrics import crossing_order
+from intersection_env.predictor import Predictor
+from intersection_env.traffic import Traffic
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+SAFE_DISTANCE = 0.5  # [m], paper, Table II: closer counts as a collision
+WORTHWHILE_GAIN = 2.0  # [s], paper, Section IV-C.3: a gain beyond the error of the predicted time loss
+BATCH = 1024
+COUNT_LIMIT = 1_000_000  # ours: orders left out are counted this far
+
+
+def crossing_orders(
+    traffic: Traffic,
+    cooperative: Collection[str] | None = None,
+    *,
+    preferred: NDArray[np.int8] | None = None,
+    batch: int = BATCH,
+) -> Iterator[NDArray[np.int8]]:
+    """Streams every feasible crossing order, as int8 (order, pair) in batches.
+
+    Args:
+        traffic: the vehicles now.
+        cooperative: ids of vehicles that take instructions; only pairs of two of them are ordered, the others
+            stay 0 (left to the gap decision). None: all.
+        preferred: (pair,) an order near which to begin.
+        batch: orders a batch, at most.
+
+    Raises:
+        ValueError: an unknown vehicle.
+    """
+    search = _search(traffic, cooperative, preferred)
+    while len(orders := search.next(len(traffic.conflicts), batch)):
+        yield orders
+
+
+def rank_maneuvers(
+    predictor: Predictor,
+    traffic: Traffic,
+    cooperative: Collection[str] | None = None,
+    *,
+    limit: int | None = None,
+) -> pd.DataFrame:
+    """Predicts every crossing order and ranks them: safe ones first, then by the total time loss.
+
+    Args:
+        predictor: who drives.
+        traffic: the vehicles now.
+        cooperative: as in `crossing_orders`.
+        limit: predict at most so many orders, beginning with those that keep the order of no intervention
+            among most pairs. How many were left out stands in `attrs["left_out"]` (counted up to a million).
+
+    Returns:
+        One row an order and one for no intervention: `order` (in words), `total_time_loss`, `worst_time_loss`
+        (of any vehicle) and `gain` against no intervention [s], `worth_executing` (safe, and a gain above 2 s),
+        `minimum_distance` [m], `safe` (at least 0.5 m), `intervention` (bool), `priorities` ((first, second)
+        ids, as `Predictor.predict` takes them).
+
+    Raises:
+        ValueError: an unknown vehicle, or a limit below 1.
+    """
+    import pandas as pd
+
+    if limit is not None and limit < 1:
+        raise ValueError(f"limit must be at least 1, not {limit}")
+    default = predictor.predict(traffic)
+    realized = crossing_order(traffic, default)[0]
+    search = _search(traffic, cooperative, realized)
+    frames = [_rows(traffic, np.zeros((1, len(traffic.conflicts)), np.int8), default.time_loss, default.minimum_distance)]
+    remaining = limit if limit is not None else np.iinfo(np.int64).max
+    while remaining > 0 and len(orders := search.next(len(traffic.conflicts), min(BATCH, remaining))):
+        remaining -= len(orders)
+        summary = predictor.predict(traffic, orders, trajectories=False)
+        frames.append(_rows(traffic, orders, summary.time_loss, summary.minimum_distance))
+    table = pd.concat(frames, ignore_index=True)
+    table["intervention"] = table.index > 0
+    table.loc[0, "order"] = "no intervention"
+    table["gain"] = table["total_time_loss"].iloc[0] - table["total_time_loss"]
+    table["worth_executing"] = table["safe"] & (table["gain"] > WORTHWHILE_GAIN)
+    table = table.sort_values(["safe", "total_time_loss"], ascending=[False, True], kind="stable", ignore_index=True)
+    table.attrs["left_out"] = search.count_remaining(COUNT_LIMIT) if limit is not None else 0
+    columns = ["order", "total_time_loss", "worst_time_loss", "gain", "worth_executing", "minimum_distance", "safe"]
+    return table[[*columns, "intervention", "priorities"]]
+
+
+def _search(
+    traffic: Traffic, cooperative: Collection[str] | None, preferred: NDArray[np.int8] | None
+) -> _core.Orders:
+    flags = np.full(len(traffic), cooperative is None, np.uint8)
+    for vehicle_id in cooperative or ():
+        flags[traffic.index(vehicle_id)] = 1
+    if preferred is None:
+        preferred = np.full(len(traffic.conflicts), -1, np.int8)
+    return _core.Orders(traffic.intersection.core, traffic.core, flags, preferred)
+
+
+def _rows(
+    traffic: Traffic, orders: NDArray[np.int8], time_loss: NDArray[np.float32], distance: NDArray[np.float32]
+) -> pd.DataFrame:
+    import pandas as pd
+
+    return pd.DataFrame(
+        {
+            "order": [in_words(traffic, order) for order in orders],
+            "total_time_loss": time_loss.sum(axis=1, dtype=np.float64),
+            "worst_time_loss": time_loss.max(axis=1, initial=0.0).astype(np.float64),
+            "minimum_distance": distance.astype(np.float64),
+            "safe": distance >= SAFE_DISTANCE,
+            "priorities": [traffic.words(order) for order in orders],
+        }
+    )
+
+
+def in_words(traffic: Traffic, order: NDArray[np.int8]) -> str:
+    """An order (pair,) as one sequence of vehicles, "07/15, 07/12, 07/31": each before those that follow.
+
+    Among vehicles that need not wait for each other, the one nearer to its stop line comes first.
+    """
+    before: dict[int, set[int]] = {}
+    for (yielder, prioritized), way in zip(traffic.conflicts.tolist(), order.tolist(), strict=True):
+        if way:
+            first, second = (yielder, prioritized) if way > 0 else (prioritized, yielder)
+            before.setdefault(first, set())
+            before.setdefault(second, set()).add(first)
+    for ahead, behind in _core.lane_order(traffic.intersection.core, traffic.core).tolist():
+        if ahead in before and behind in before:
+            before[behind].add(ahead)
+    stop = {i: traffic.intersection.routes[traffic.route[i]].stop_line - traffic.position[i] for i in before}
+    sequence: list[int] = []
+    while len(sequence) < len(before):
+        ready = [i for i in before if i not in sequence and before[i] <= set(sequence)]
+        sequence.append(min(ready, key=lambda i: (stop[i], i)))
+    return ", ".join(traffic.ids[i] for i in sequence) or "nobody waits"

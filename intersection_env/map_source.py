@@ -1,0 +1,255 @@
+"""The hand-written description of an intersection, and the centrelines that follow from it.
+
+A source file is JSON: arms with their right of way, lanes as polylines in driving direction, and
+routes as sequences of lanes. Where one lane of a route ends apart from where the next begins, the
+gap is bridged by a smooth curve, so an author draws straight lanes only.
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+FORMAT = "intersection_env map source"
+VERSION = 1
+RIGHTS_OF_WAY = ("priority", "yield", "stop")
+CURVE_STEP = 0.25  # [m], ours: a polyline this fine deviates under 2 mm from a curve of 5 m radius
+TURN_ANGLE = np.radians(30.0)  # ours: a route that bends less than this runs straight
+
+Points = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Arm:
+    """One road that meets the intersection."""
+
+    right_of_way: str
+    speed_limit: float
+    """[m/s]"""
+
+
+@dataclass(frozen=True)
+class Lane:
+    """One lane, drawn in driving direction.
+
+    points: (point, 2) [m]; width [m].
+    """
+
+    points: Points
+    width: float
+
+
+@dataclass(frozen=True)
+class RouteSource:
+    """A route from one arm to another: its lanes before and after the junction."""
+
+    id: str
+    entry: str
+    exit: str
+    approach: tuple[str, ...]
+    leaving: tuple[str, ...]
+
+
+class Piece(NamedTuple):
+    """A stretch of a route: a lane, or the curve that leads to the next one (lane is then None)."""
+
+    lane: str | None
+    points: Points
+    width: float
+    inside_junction: bool
+
+
+@dataclass(frozen=True)
+class MapSource:
+    """A source file, read and checked."""
+
+    name: str
+    locations: tuple[int, ...]
+    arms: dict[str, Arm]
+    lanes: dict[str, Lane]
+    stop_lines: dict[str, Points]
+    """By the lane that ends there: (2, 2) [m], the two ends of the painted line."""
+    routes: tuple[RouteSource, ...]
+    yields: frozenset[tuple[str, str]]
+    """Pairs of route ids for which the general rule is not enough: the first yields."""
+
+    @classmethod
+    def read(cls, path: str | Path) -> MapSource:
+        """The source file at `path`.
+
+        Raises:
+            ValueError: the file is not a map source, or contradicts itself; the message names where.
+            OSError: the file cannot be read.
+        """
+        try:
+            content = json.loads(Path(path).read_text(encoding="utf-8"))
+            return cls._from_json(content)
+        except (json.JSONDecodeError, UnicodeDecodeError) as error:
+            raise ValueError(f"{path}: not JSON: {error}") from None
+        except ValueError as error:
+            raise ValueError(f"{path}: {error}") from None
+
+    @classmethod
+    def _from_json(cls, content: Any) -> MapSource:
+        if not isinstance(content, dict) or content.get("format") != FORMAT:
+            raise ValueError(f'"format" must be "{FORMAT}"')
+        if content.get("version") != VERSION:
+            raise ValueError(f'"version" is {content.get("version")!r}, this package reads {VERSION}')
+        name = content.get("name")
+        if not isinstance(name, str) or not name or name.split() != [name]:
+            raise ValueError(f'"name" must be one word, not {name!r}')
+        arms = {key: _arm(key, value) for key, value in _table(content, "arms").items()}
+        lanes = {key: _lane(key, value) for key, value in _table(content, "lanes").items()}
+        stop_lines = {key: _stop_line(key, value, lanes) for key, value in _table(content, "stop_lines").items()}
+        routes = tuple(_route(key, value, arms, lanes) for key, value in _table(content, "routes").items())
+        if not routes:
+            raise ValueError('"routes" is empty')
+        locations = content.get("locations", [])
+        if not isinstance(locations, list) or not all(isinstance(one, int) for one in locations):
+            raise ValueError(f'"locations" must be a list of integers, not {locations!r}')
+        known = {route.id for route in routes}
+        yields = content.get("yields", [])
+        for pair in yields:
+            if not isinstance(pair, list) or len(pair) != 2 or not set(pair) <= known:
+                raise ValueError(f'"yields" must hold pairs of route ids, not {pair!r}')
+        return cls(name, tuple(locations), arms, lanes, stop_lines, routes, frozenset((a, b) for a, b in yields))
+
+    def pieces(self, route: RouteSource) -> list[Piece]:
+        """The route's lanes and the curves between them, in driving order and without gaps."""
+        names = route.approach + route.leaving
+        pieces: list[Piece] = []
+        for number, name in enumerate(names):
+            lane = self.lanes[name]
+            if number:
+                before = self.lanes[names[number - 1]]
+                curve = connect(before.points, lane.points)
+                width = 0.5 * (before.width + lane.width)
+                pieces.append(Piece(None, curve, width, number == len(route.approach)))
+            pieces.append(Piece(name, lane.points, lane.width, False))
+        return pieces
+
+    def turn(self, route: RouteSource) -> str:
+        """Whether the route turns "left" or "right" inside the junction, or runs "straight"."""
+        change = wrap(_heading_out(self.lanes[route.leaving[0]]) - _heading_in(self.lanes[route.approach[-1]]))
+        return "left" if change > TURN_ANGLE else "right" if change < -TURN_ANGLE else "straight"
+
+    def approach_heading(self, route: RouteSource) -> float:
+        """The heading in which the route reaches the junction [rad]."""
+        return _heading_in(self.lanes[route.approach[-1]])
+
+
+def wrap(angle: float) -> float:
+    """The angle in [-pi, pi) [rad]."""
+    return float((angle + np.pi) % (2.0 * np.pi) - np.pi)
+
+
+def connect(before: Points, after: Points) -> Points:
+    """A smooth curve from the end of one polyline to the start of the next: (point, 2) [m].
+
+    A turn is a circular arc, as large as fits, with a straight remainder on the longer side; a
+    lateral shift is a cubic Bezier curve.
+    """
+    start, end = before[-1], after[0]
+    t0 = (before[-1] - before[-2]) / np.linalg.norm(before[-1] - before[-2])
+    t1 = (after[1] - after[0]) / np.linalg.norm(after[1] - after[0])
+    distance = float(np.linalg.norm(end - start))
+    if distance < 1e-6:
+        return np.array([start, end])
+    cross = float(t0[0] * t1[1] - t0[1] * t1[0])
+    angle = float(np.arctan2(cross, t0 @ t1))
+    if abs(angle) > np.radians(10.0):
+        gap = end - start
+        ahead = float(gap[0] * t1[1] - gap[1] * t1[0]) / cross
+        back = float(gap[0] * t0[1] - gap[1] * t0[0]) / cross * -1.0
+        if ahead > 0.0 and back > 0.0:
+            return _arc(start, t0, ahead, end, t1, back, angle)
+    count = max(2, int(np.ceil(distance / CURVE_STEP)) + 1)
+    u = np.linspace(0.0, 1.0, count)[:, None]
+    c0, c1 = start + t0 * distance * 0.45, end - t1 * distance * 0.45
+    curve = (1 - u) ** 3 * start + 3 * (1 - u) ** 2 * u * c0 + 3 * (1 - u) * u**2 * c1 + u**3 * end
+    return np.asarray(curve)
+
+
+def _arc(start: Points, t0: Points, ahead: float, end: Points, t1: Points, back: float, angle: float) -> Points:
+    tangent = min(ahead, back)
+    radius = tangent / np.tan(abs(angle) / 2.0)
+    begin = start + t0 * (ahead - tangent)
+    normal = np.sign(angle) * np.array([-t0[1], t0[0]])
+    centre = begin + radius * normal
+    count = max(3, int(np.ceil(radius * abs(angle) / CURVE_STEP)) + 1)
+    phi = np.linspace(0.0, angle, count)[:, None]
+    spoke = begin - centre
+    rotated = np.array([-spoke[1], spoke[0]])
+    arc = centre + np.cos(phi) * spoke + np.sin(phi) * rotated
+    return np.concatenate([start[None], arc, end[None]])
+
+
+def _heading_in(lane: Lane) -> float:
+    step = lane.points[-1] - lane.points[-2]
+    return float(np.arctan2(step[1], step[0]))
+
+
+def _heading_out(lane: Lane) -> float:
+    step = lane.points[1] - lane.points[0]
+    return float(np.arctan2(step[1], step[0]))
+
+
+def _table(content: dict[str, Any], key: str) -> dict[str, Any]:
+    value = content.get(key)
+    if not isinstance(value, dict):
+        raise ValueError(f'"{key}" must be an object, not {type(value).__name__}')
+    return value
+
+
+def _points(where: str, value: Any, least: int, most: int | None = None) -> Points:
+    try:
+        points = np.array(value, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise ValueError(f"{where} must be a list of [x, y]") from None
+    if points.ndim != 2 or points.shape[1] != 2 or len(points) < least or (most and len(points) > most):
+        raise ValueError(f"{where} must be at least {least} points [x, y], not an array of shape {points.shape}")
+    if not np.isfinite(points).all() or (np.linalg.norm(np.diff(points, axis=0), axis=1) < 1e-3).any():
+        raise ValueError(f"{where} must hold finite points, each apart from the one before")
+    return points
+
+
+def _positive(where: str, value: Any) -> float:
+    if isinstance(value, bool) or not isinstance(value, (int, float)) or not 0.0 < value < 1e3:
+        raise ValueError(f"{where} must be a positive number, not {value!r}")
+    return float(value)
+
+
+def _arm(key: str, value: Any) -> Arm:
+    right = value.get("right_of_way") if isinstance(value, dict) else None
+    if right not in RIGHTS_OF_WAY:
+        raise ValueError(f'arm "{key}": "right_of_way" must be one of {RIGHTS_OF_WAY}, not {right!r}')
+    return Arm(right, _positive(f'arm "{key}": "speed_limit_kmh"', value.get("speed_limit_kmh")) / 3.6)
+
+
+def _lane(key: str, value: Any) -> Lane:
+    if not isinstance(value, dict):
+        raise ValueError(f'lane "{key}" must be an object')
+    points = _points(f'lane "{key}": "points"', value.get("points"), 2)
+    return Lane(points, _positive(f'lane "{key}": "width"', value.get("width")))
+
+
+def _stop_line(key: str, value: Any, lanes: dict[str, Lane]) -> Points:
+    if key not in lanes:
+        raise ValueError(f'stop line "{key}": no lane of that name')
+    return _points(f'stop line "{key}"', value, 2, 2)
+
+
+def _route(key: str, value: Any, arms: dict[str, Arm], lanes: dict[str, Lane]) -> RouteSource:
+    entry, dash, leave = key.partition("-")
+    if not dash or entry not in arms or leave not in arms or entry == leave:
+        raise ValueError(f'route "{key}" must be named by two arms, as "SW-NE"; arms: {", ".join(arms)}')
+    for part in ("approach", "exit"):
+        names = value.get(part) if isinstance(value, dict) else None
+        if not isinstance(names, list) or not names or not all(name in lanes for name in names):
+            raise ValueError(f'route "{key}": "{part}" must be a list of lanes, not {names!r}')
+    return RouteSource(key, entry, leave, tuple(value["approach"]), tuple(value["exit"]))

@@ -1,0 +1,155 @@
+"""Predicts the next 10 s of a traffic, for one priority assignment or for thousands."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal, overload
+
+import numpy as np
+from numpy.typing import NDArray
+
+from intersection_env import _core
+from intersection_env.traffic import Traffic, naming
+
+DT: float = round(_core.DT, 6)
+"""Step of every prediction [s]; paper, Section IV-B."""
+STEPS: int = _core.STEPS
+RULES = ("idm", "constant_velocity")
+
+Priorities = Sequence[tuple[str, str]] | NDArray[np.int8]
+
+
+@dataclass(frozen=True)
+class Summary:
+    """What planners compare.
+
+    time_loss: (scenario, vehicle) over the horizon [s]; paper, Eq. (5).
+    minimum_distance: (scenario,) smallest distance over time between any two vehicles that can touch [m],
+        infinite where none can.
+    """
+
+    traffic: Traffic
+    time_loss: NDArray[np.float32]
+    minimum_distance: NDArray[np.float32]
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """Trajectories and their summary.
+
+    time: (51,) [s], from now.
+    position, speed: (scenario, time, vehicle) [m], [m/s]; along each vehicle's own route.
+    acceleration: (scenario, time, vehicle) [m/s²], over the step that begins there; the last entry repeats.
+    enters: (scenario, time, vehicle) bool, the gap decision of that step.
+    present: (scenario, time, vehicle) bool, not yet at its route's end; the other values stay as they were there.
+    time_loss, minimum_distance: as in `Summary`.
+    """
+
+    traffic: Traffic
+    time: NDArray[np.float32]
+    position: NDArray[np.float32]
+    speed: NDArray[np.float32]
+    acceleration: NDArray[np.float32]
+    enters: NDArray[np.bool_]
+    present: NDArray[np.bool_]
+    time_loss: NDArray[np.float32]
+    minimum_distance: NDArray[np.float32]
+
+
+class Predictor:
+    """A policy that predicts traffic on any map."""
+
+    def __init__(self, policy: _core.Policy, name: str) -> None:
+        """Wraps a policy of the core (use `load`)."""
+        self.name = name
+        self._policy = policy
+        self._bound: dict[str, _core.Predictor] = {}
+
+    @classmethod
+    def load(cls, policy: str | Path = "idm", *, gap: str = "critical_gap") -> Predictor:
+        """A rule (`"idm"`, `"constant_velocity"`) or a policy file (`.policy`).
+
+        Args:
+            policy: a name or a path.
+            gap: for rules, who accepts a gap: `"critical_gap"` (6 s crossing, 4 s merging) or `"sumo"`.
+
+        Raises:
+            ValueError: an unknown name, or a policy file that is damaged or made for something else.
+            OSError: the file cannot be read.
+        """
+        if str(policy) in RULES:
+            return cls(_core.Policy.rules(gap, str(policy)), str(policy))
+        path = Path(policy)
+        if path.suffix != ".policy":
+            raise ValueError(f'no policy "{policy}": the names are {", ".join(RULES)}, and files end in .policy')
+        return cls(_core.Policy(path.read_text(encoding="utf-8"), str(path)), path.stem)
+
+    @overload
+    def predict(
+        self, traffic: Traffic, priorities: Priorities | None = None, *, trajectories: Literal[True] = True
+    ) -> Prediction: ...
+    @overload
+    def predict(
+        self, traffic: Traffic, priorities: Priorities | None = None, *, trajectories: Literal[False]
+    ) -> Summary: ...
+
+    def predict(
+        self, traffic: Traffic, priorities: Priorities | None = None, *, trajectories: bool = True
+    ) -> Prediction | Summary:
+        """The next 10 s.
+
+        Args:
+            traffic: the vehicles now.
+            priorities: None (one scenario, no intervention); or (first, second) vehicle ids (one scenario); or
+                int8 (scenario, pair) over `traffic.conflicts`: +1 yielder first, -1 prioritized first, 0 left
+                to the gap decision. What they imply under the lane order is added.
+            trajectories: False returns the `Summary` alone, faster.
+
+        Raises:
+            TypeError: priorities of another dtype.
+            ValueError: an unknown vehicle, a pair that does not conflict, or an assignment that contradicts
+                itself, the lane order, or what a vehicle can still do.
+        """
+        assignments = as_assignments(traffic, priorities)
+        with naming(traffic.ids):
+            results = self._on(traffic).predict(traffic.core, assignments, trajectories, True)
+        position, speed, acceleration, enters, present, time_loss, minimum_distance = results
+        if not trajectories:
+            return Summary(traffic, time_loss, minimum_distance)
+        time = np.arange(STEPS + 1, dtype=np.float32) * np.float32(DT)
+        flags = enters.view(np.bool_), present.view(np.bool_)
+        return Prediction(traffic, time, position, speed, acceleration, *flags, time_loss, minimum_distance)
+
+    def _on(self, traffic: Traffic) -> _core.Predictor:
+        intersection = traffic.intersection
+        bound = self._bound.get(intersection.checksum)
+        if bound is None:
+            bound = self._bound[intersection.checksum] = _core.Predictor(intersection.core, self._policy)
+        return bound
+
+    def __repr__(self) -> str:
+        return f"Predictor({self.name!r})"
+
+
+def as_assignments(traffic: Traffic, priorities: Priorities | None) -> NDArray[np.int8]:
+    """Priorities in any of their forms as int8 (scenario, pair).
+
+    Raises:
+        TypeError, ValueError: as in `Predictor.predict`.
+    """
+    if priorities is None:
+        return np.zeros((1, len(traffic.conflicts)), np.int8)
+    if not isinstance(priorities, np.ndarray):
+        return traffic.assign(priorities)[None]
+    if priorities.dtype != np.int8:
+        raise TypeError(f"priorities must be int8, not {priorities.dtype}")
+    if priorities.ndim != 2 or priorities.shape[1] != len(traffic.conflicts):
+        raise ValueError(
+            f"priorities must have shape (scenario, {len(traffic.conflicts)}), one column a conflict,"
+            f" not {priorities.shape}"
+        )
+    if (np.abs(priorities) > 1).any():
+        raise ValueError("priorities must be +1 (yielder first), -1 (prioritized first) or 0")
+    return np.ascontiguousarray(priorities)

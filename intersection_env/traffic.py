@@ -1,0 +1,156 @@
+"""The vehicles at one moment, and the conflicts among them."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from intersection_env import _core
+from intersection_env.intersection import Intersection
+
+FLOAT_FIELDS = ("position", "speed", "length", "width", "max_speed")
+
+
+class Vehicle(NamedTuple):
+    """One vehicle, for people who write traffic by hand."""
+
+    id: str
+    route: str
+    """A route's id, as "SW-NE"."""
+    position: float
+    """Arc length of the vehicle's centre along its route [m]."""
+    speed: float
+    """[m/s]"""
+    length: float = 4.5
+    width: float = 1.8
+    max_speed: float = float("inf")
+
+
+@dataclass(frozen=True)
+class Traffic:
+    """Vehicles on the routes of an intersection, at one moment.
+
+    Args:
+        intersection: the map.
+        ids: (vehicle,) names, each once.
+        route: (vehicle,) int32, indices into `intersection.routes`.
+        position: (vehicle,) float32, arc length of each vehicle's centre [m].
+        speed: (vehicle,) float32 [m/s], not negative.
+        length, width: (vehicle,) float32 [m].
+        max_speed: (vehicle,) float32, each vehicle's own top speed [m/s]; unbounded by default. Bicycles: 5.
+
+    Raises:
+        TypeError: an array of another dtype.
+        ValueError: shapes that differ, a value out of range, an id twice, vehicles that overlap.
+    """
+
+    intersection: Intersection
+    ids: tuple[str, ...]
+    route: NDArray[np.int32]
+    position: NDArray[np.float32]
+    speed: NDArray[np.float32]
+    length: NDArray[np.float32]
+    width: NDArray[np.float32]
+    max_speed: NDArray[np.float32] = field(default=None)  # type: ignore[arg-type]
+    core: _core.Traffic = field(init=False, repr=False, compare=False)
+    conflicts: NDArray[np.int32] = field(init=False, repr=False, compare=False)
+    """(pair, 2): indices of every pair still open, the one that yields by rule first."""
+
+    def __post_init__(self) -> None:
+        if self.max_speed is None:
+            object.__setattr__(self, "max_speed", np.full(len(self.ids), np.inf, np.float32))
+        self._check_arrays()
+        core_map = self.intersection.core
+        arrays = (np.ascontiguousarray(getattr(self, name)) for name in ("route", *FLOAT_FIELDS))
+        with naming(self.ids):
+            core = _core.Traffic(core_map, *arrays)
+        touching = _core.closest(core_map, core)
+        if touching is not None and touching[0] < 0.0:
+            raise ValueError(f"vehicles {self.ids[touching[1]]} and {self.ids[touching[2]]} overlap")
+        object.__setattr__(self, "core", core)
+        object.__setattr__(self, "conflicts", _core.conflicts(core_map, core))
+
+    def _check_arrays(self) -> None:
+        for name in ("route", *FLOAT_FIELDS):
+            array, wanted = getattr(self, name), np.int32 if name == "route" else np.float32
+            if not isinstance(array, np.ndarray) or array.dtype != wanted:
+                came = array.dtype if isinstance(array, np.ndarray) else type(array).__name__
+                raise TypeError(f"{name} must be an array of {wanted.__name__}, not {came}")
+            if array.shape != (len(self.ids),):
+                raise ValueError(f"{name} must have shape ({len(self.ids)},), one entry an id, not {array.shape}")
+        twice = [one for one in self.ids if self.ids.count(one) > 1]
+        if twice:
+            raise ValueError(f'the id "{twice[0]}" names two vehicles')
+
+    @classmethod
+    def of(cls, intersection: Intersection, vehicles: Iterable[Vehicle]) -> Traffic:
+        """The traffic of vehicles written by hand."""
+        rows = list(vehicles)
+        columns = {
+            name: np.array([getattr(row, name) for row in rows], dtype=np.float32) for name in FLOAT_FIELDS
+        }
+        route = np.array([intersection.route_index(row.route) for row in rows], dtype=np.int32)
+        return cls(intersection, tuple(row.id for row in rows), route, **columns)
+
+    def index(self, vehicle_id: str) -> int:
+        """The index of a vehicle, by its id.
+
+        Raises:
+            ValueError: no vehicle has that id.
+        """
+        if vehicle_id not in self.ids:
+            raise ValueError(f'no vehicle "{vehicle_id}" in this traffic; there are {", ".join(self.ids)}')
+        return self.ids.index(vehicle_id)
+
+    def assign(self, priorities: Sequence[tuple[str, str]]) -> NDArray[np.int8]:
+        """The assignment (pair,) in which, for each (first, second) of vehicle ids, first goes before second.
+
+        Raises:
+            ValueError: an unknown vehicle, or two vehicles that do not conflict.
+        """
+        assignment = np.zeros(len(self.conflicts), np.int8)
+        for first_id, second_id in priorities:
+            first, second = self.index(first_id), self.index(second_id)
+            yields = (self.conflicts == (first, second)).all(axis=1)
+            has_priority = (self.conflicts == (second, first)).all(axis=1)
+            if not (yields | has_priority).any():
+                raise ValueError(f'vehicles "{first_id}" and "{second_id}" do not conflict: no priority to assign')
+            wanted = np.int8(1) if yields.any() else np.int8(-1)
+            before = assignment[yields | has_priority][0]
+            if before not in (0, wanted):
+                raise ValueError(f'"{first_id}" and "{second_id}" are each told to go before the other')
+            assignment[yields | has_priority] = wanted
+        return assignment
+
+    def words(self, assignment: NDArray[np.int8]) -> tuple[tuple[str, str], ...]:
+        """An assignment (pair,) as (first, second) vehicle ids; the inverse of `assign`."""
+        pairs = zip(self.conflicts, assignment, strict=True)
+        ordered = ((pair if way > 0 else pair[::-1]) for pair, way in pairs if way)
+        return tuple((self.ids[first], self.ids[second]) for first, second in ordered)
+
+    def __len__(self) -> int:
+        return len(self.ids)
+
+    def __reduce__(self) -> tuple[type[Traffic], tuple[object, ...]]:
+        arrays = (getattr(self, name) for name in ("route", *FLOAT_FIELDS))
+        return Traffic, (self.intersection, self.ids, *arrays)
+
+
+class naming:  # noqa: N801, a context manager reads as a verb
+    """Puts vehicle ids in place of indices ("vehicle 3") in the core's errors."""
+
+    def __init__(self, ids: Sequence[str]) -> None:
+        self._ids = ids
+
+    def __enter__(self) -> None:
+        return None
+
+    def __exit__(self, kind: object, error: BaseException | None, trace: object) -> None:
+        if isinstance(error, ValueError):
+            message = re.sub(r"\bvehicle (\d+)", lambda found: f"vehicle {self._ids[int(found[1])]}", str(error))
+            raise ValueError(message) from None
