@@ -55,7 +55,7 @@ class SharedLane(NamedTuple):
 
     Before `split` (same arc length on both) they share a lane from the start; from `merge_a` on a and
     `merge_b` on b they share one to the end, where position_b = position_a + offset. A stretch that
-    does not exist has split 0, or merges at NEVER.
+    does not exist has split -NEVER, or merges at NEVER.
     """
 
     a: int
@@ -148,16 +148,17 @@ def _samples(
 
 
 def _shared_lane(index_a: int, a: CompiledRoute, index_b: int, b: CompiledRoute) -> SharedLane | None:
-    split, merge_a, merge_b, offset = 0.0, NEVER, NEVER, 0.0
+    split, merge_a, merge_b, offset = -NEVER, NEVER, NEVER, 0.0
     if a.source.approach[0] == b.source.approach[0]:
         apart = _first(a.line, b.line, lambda distance: distance > SWEPT_WIDTH)
         split = a.line.length if apart is None else apart
     if a.source.leaving[0] == b.source.leaving[0]:
-        near_a = _first(a.line, b.line, lambda distance: distance < MERGED_DISTANCE, split)
-        near_b = _first(b.line, a.line, lambda distance: distance < MERGED_DISTANCE, split)
-        assert near_a is not None and near_b is not None
+        near_a = _first(a.line, b.line, lambda distance: distance < MERGED_DISTANCE)
+        near_b = _first(b.line, a.line, lambda distance: distance < MERGED_DISTANCE)
+        assert near_a is not None
+        assert near_b is not None
         merge_a, merge_b, offset = near_a, near_b, b.exit_start - a.exit_start
-    if split == 0.0 and merge_a == NEVER:
+    if split < 0.0 and merge_a == NEVER:
         return None
     return SharedLane(index_a, index_b, split, merge_a, merge_b, offset)
 
@@ -166,10 +167,9 @@ def _first(
     line: shapely.LineString,
     other: shapely.LineString,
     holds: Callable[[NDArray[np.float64]], NDArray[np.bool_]],
-    start: float = 0.0,
 ) -> float | None:
     """The first arc length on `line` at which the distance to `other` is as wanted, on a grid of 0.1 m."""
-    s = np.arange(start, line.length, 0.1)
+    s = np.arange(0.0, line.length, 0.1)
     distance = shapely.distance(shapely.line_interpolate_point(line, s), other)
     found = np.flatnonzero(holds(distance))
     return float(s[found[0]]) if len(found) else None
@@ -189,8 +189,9 @@ def _conflict(
     interval_b = (float(along_b.min()), lane.merge_b if lane is not None else float(along_b.max()))
     for route, interval in ((a, interval_a), (b, interval_b)):
         if interval[0] < route.stop_line - 0.5:
+            early = route.stop_line - interval[0]
             raise ValueError(
-                f'the conflict of routes "{a.source.id}" and "{b.source.id}" begins {route.stop_line - interval[0]:.1f} m'
+                f'the conflict of routes "{a.source.id}" and "{b.source.id}" begins {early:.1f} m'
                 f' before the stop line of "{route.source.id}"; draw that line, or the lanes, further apart'
             )
     if _yields(source, a, b):

@@ -584,11 +584,13 @@ def minimum_distance(intersection: Map, traffic: Traffic, present: Booleans) -> 
 
 
 def lane_chains(intersection: Map, traffic: Traffic) -> list[list[int]]:
-    """The queues before the stop lines, one list a stop lane, front vehicle first."""
+    """The queues at the stop lines, one list a stop lane, front vehicle first."""
+    committed = initial_memory(intersection, traffic).delta
     queues: dict[int, list[int]] = {}
     for i in np.argsort(-traffic.position, kind="stable").tolist():
         route = intersection.routes[traffic.route[i]]
-        if traffic.position[i] < route.length and distance_to_stop_line(intersection, traffic, i) >= 0:
+        is_waiting = distance_to_stop_line(intersection, traffic, i) >= 0 or not committed[i]
+        if traffic.position[i] < route.length and is_waiting:
             queues.setdefault(route.stop_lane, []).append(i)
     return [queue for queue in queues.values() if len(queue) > 1]
 
@@ -662,8 +664,10 @@ def complete(intersection: Map, traffic: Traffic, assignments: Integers) -> Inte
     pairs = [(int(i), int(j)) for i, j in conflicts(intersection, traffic)]
     if assignments.shape != (len(pairs),) or not np.isin(assignments, (-1, 0, 1)).all():
         raise ValueError(f"assignments: got {assignments}, wanted -1, 0 or 1 for each of {len(pairs)} pairs")
-    signs = closure(pairs, lane_chains(intersection, traffic), assignments.tolist())
+    closed = closure(pairs, lane_chains(intersection, traffic), assignments.tolist())
     committed = initial_memory(intersection, traffic).delta
+    is_fixed = [bool(committed[i] and committed[j]) for i, j in pairs]
+    signs = [int(given) if fixed else sign for given, sign, fixed in zip(assignments, closed, is_fixed, strict=True)]
     for before, after in oriented(pairs, signs):
         if committed[after]:
             raise ValueError(f"assignments: {after} can no longer stop for {before}")

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -86,9 +88,7 @@ def test_conflicts_lane_order_and_commitment_equal_the_twin(name: str, seed: int
     traffic, twin = random_case(name, 3000 + seed)
     map_ = twin_map(name)
     np.testing.assert_array_equal(traffic.conflicts, reference.conflicts(map_, twin).reshape(-1, 2))
-    arcs = {
-        (a, b) for chain in reference.lane_chains(map_, twin) for a, b in zip(chain, chain[1:], strict=False)
-    }
+    arcs = {arc for chain in reference.lane_chains(map_, twin) for arc in itertools.pairwise(chain)}
     assert set(map(tuple, _core.lane_order(traffic.intersection.core, traffic.core).tolist())) == arcs
     goes = reference.initial_memory(map_, twin).delta
     np.testing.assert_array_equal(_core.committed(traffic.intersection.core, traffic.core), goes)
@@ -99,7 +99,8 @@ def test_conflicts_lane_order_and_commitment_equal_the_twin(name: str, seed: int
 def test_permuting_vehicles_permutes_the_prediction(name: str, seed: int) -> None:
     traffic, _ = random_case(name, 4000 + seed)
     order = np.random.default_rng(seed).permutation(len(traffic))
-    arrays = (getattr(traffic, field)[order] for field in ("route", "position", "speed", "length", "width", "max_speed"))
+    fields = ("route", "position", "speed", "length", "width", "max_speed")
+    arrays = (getattr(traffic, field)[order] for field in fields)
     permuted = Traffic(traffic.intersection, tuple(traffic.ids[i] for i in order), *arrays)
     predictor = Predictor.load("idm")
     one, other = predictor.predict(traffic), predictor.predict(permuted)

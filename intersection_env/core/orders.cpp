@@ -19,7 +19,11 @@ Precedence in_lanes(const Map& map, const Traffic& traffic) {
 int first_of(const Pair& pair, int direction) { return direction > 0 ? pair.yielder : pair.prioritized; }
 int second_of(const Pair& pair, int direction) { return direction > 0 ? pair.prioritized : pair.yielder; }
 
-std::int8_t implied(const Precedence& precedence, const Pair& pair) {
+// What follows for a pair from the precedence; nothing where neither vehicle can stop any more.
+std::int8_t implied(const Precedence& precedence, const Pair& pair, const std::vector<std::uint8_t>& committed) {
+    if (committed[at(pair.yielder)] != 0 && committed[at(pair.prioritized)] != 0) {
+        return 0;
+    }
     const bool yielder_first = precedence.before(pair.yielder, pair.prioritized);
     return yielder_first ? 1 : precedence.before(pair.prioritized, pair.yielder) ? -1 : 0;
 }
@@ -121,7 +125,7 @@ bool Orders::advance() {
 // The order found, with what it implies for pairs that were not oriented; false if that cannot be carried out.
 bool Orders::complete_into(std::int8_t* out) const {
     for (std::size_t p = 0; p < pairs_.size(); ++p) {
-        out[p] = order_[p] != 0 ? order_[p] : implied(precedence_, pairs_[p]);
+        out[p] = order_[p] != 0 ? order_[p] : implied(precedence_, pairs_[p], committed_);
         if (out[p] != 0 && committed_[at(second_of(pairs_[p], out[p]))] != 0) {
             return false;
         }
@@ -166,7 +170,10 @@ void complete(const Map& map, const Traffic& traffic, std::span<const Pair> pair
     const std::vector<std::uint8_t> goes = committed(map, traffic);
     for (std::size_t p = 0; p < pairs.size(); ++p) {
         const Pair& pair = pairs[p];
-        const int direction = assignments[p] = implied(precedence, pair);
+        if (assignments[p] == 0) {
+            assignments[p] = implied(precedence, pair, goes);
+        }
+        const int direction = assignments[p];
         if (direction != 0 && goes[at(second_of(pair, direction))] != 0) {
             throw std::invalid_argument(vehicle(second_of(pair, direction)) + " cannot wait for " +
                                         vehicle(first_of(pair, direction)) + ": it can no longer stop");

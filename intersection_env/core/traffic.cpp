@@ -67,16 +67,17 @@ std::vector<Pair> find_conflicts(const Map& map, const Traffic& traffic) {
 }
 
 std::vector<Pair> lane_order(const Map& map, const Traffic& traffic) {
+    const std::vector<std::uint8_t> goes = committed(map, traffic);
     std::vector<int> waiting;
     for (int i = 0; i < traffic.count(); ++i) {
-        if (traffic.front(i) <= map.routes[at(traffic.route[at(i)])].stop_line) {
+        if (traffic.front(i) <= map.routes[at(traffic.route[at(i)])].stop_line || goes[at(i)] == 0) {
             waiting.push_back(i);
         }
     }
     const auto lane = [&](int i) { return map.routes[at(traffic.route[at(i)])].stop_lane; };
-    const auto to_line = [&](int i) { return map.routes[at(traffic.route[at(i)])].stop_line - traffic.front(i); };
-    std::stable_sort(waiting.begin(), waiting.end(),
-                     [&](int a, int b) { return lane(a) != lane(b) ? lane(a) < lane(b) : to_line(a) < to_line(b); });
+    std::stable_sort(waiting.begin(), waiting.end(), [&](int a, int b) {
+        return lane(a) != lane(b) ? lane(a) < lane(b) : traffic.position[at(a)] > traffic.position[at(b)];
+    });
     std::vector<Pair> order;
     for (std::size_t k = 1; k < waiting.size(); ++k) {
         if (lane(waiting[k - 1]) == lane(waiting[k])) {

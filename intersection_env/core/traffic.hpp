@@ -39,7 +39,7 @@ struct Pair {
 // The pairs still open, sorted by yielder, then prioritized.
 std::vector<Pair> find_conflicts(const Map& map, const Traffic& traffic);
 
-// For each vehicle in a stop lane and before its line, the next one behind it there.
+// For each vehicle in a stop lane, before its line or standing past it undecided, the next one behind it there.
 std::vector<Pair> lane_order(const Map& map, const Traffic& traffic); // {ahead, behind}
 
 // Whether each vehicle is past stopping at its line, and so counts as having decided to enter.
