@@ -65,8 +65,8 @@ def rank_maneuvers(
     Returns:
         One row an order and one for no intervention: `order` (in words), `total_time_loss`, `worst_time_loss`
         (of any vehicle) and `gain` against no intervention [s], `worth_executing` (safe, and a gain above 2 s),
-        `minimum_distance` [m], `safe` (at least 0.5 m), `intervention` (bool), `priorities` ((first, second)
-        ids, as `Predictor.predict` takes them).
+        `minimum_distance` [m], `safe` (at least 0.5 m), `intervention` (bool), `priorities` ((pair,) int8,
+        as `Predictor.predict` takes them; `Traffic.words` names them).
 
     Raises:
         ValueError: an unknown vehicle, or a limit below 1.
@@ -78,7 +78,9 @@ def rank_maneuvers(
     default = predictor.predict(traffic)
     realized = crossing_order(traffic, default)[0]
     search = _search(traffic, cooperative, realized)
-    frames = [_rows(traffic, np.zeros((1, len(traffic.conflicts)), np.int8), default.time_loss, default.minimum_distance)]
+    frames = [
+        _rows(traffic, np.zeros((1, len(traffic.conflicts)), np.int8), default.time_loss, default.minimum_distance)
+    ]
     remaining = limit if limit is not None else np.iinfo(np.int64).max
     while remaining > 0 and len(orders := search.next(len(traffic.conflicts), min(BATCH, remaining))):
         remaining -= len(orders)
@@ -95,9 +97,7 @@ def rank_maneuvers(
     return table[[*columns, "intervention", "priorities"]]
 
 
-def _search(
-    traffic: Traffic, cooperative: Collection[str] | None, preferred: NDArray[np.int8] | None
-) -> _core.Orders:
+def _search(traffic: Traffic, cooperative: Collection[str] | None, preferred: NDArray[np.int8] | None) -> _core.Orders:
     flags = np.full(len(traffic), cooperative is None, np.uint8)
     for vehicle_id in cooperative or ():
         flags[traffic.index(vehicle_id)] = 1
@@ -113,33 +113,53 @@ def _rows(
 
     return pd.DataFrame(
         {
-            "order": [in_words(traffic, order) for order in orders],
+            "order": in_words(traffic, orders),
             "total_time_loss": time_loss.sum(axis=1, dtype=np.float64),
             "worst_time_loss": time_loss.max(axis=1, initial=0.0).astype(np.float64),
             "minimum_distance": distance.astype(np.float64),
             "safe": distance >= SAFE_DISTANCE,
-            "priorities": [traffic.words(order) for order in orders],
+            "priorities": list(orders),
         }
     )
 
 
-def in_words(traffic: Traffic, order: NDArray[np.int8]) -> str:
-    """An order (pair,) as one sequence of vehicles, "07/15, 07/12, 07/31": each before those that follow.
+def in_words(traffic: Traffic, orders: NDArray[np.int8]) -> list[str]:
+    """Orders (order, pair) as sequences of vehicles, "07/15, 07/12, 07/31": each before those that follow.
 
     Among vehicles that need not wait for each other, the one nearer to its stop line comes first.
     """
-    before: dict[int, set[int]] = {}
-    for (yielder, prioritized), way in zip(traffic.conflicts.tolist(), order.tolist(), strict=True):
-        if way:
-            first, second = (yielder, prioritized) if way > 0 else (prioritized, yielder)
-            before.setdefault(first, set())
-            before.setdefault(second, set()).add(first)
-    for ahead, behind in _core.lane_order(traffic.intersection.core, traffic.core).tolist():
-        if ahead in before and behind in before:
-            before[behind].add(ahead)
-    stop = {i: traffic.intersection.routes[traffic.route[i]].stop_line - traffic.position[i] for i in before}
-    sequence: list[int] = []
-    while len(sequence) < len(before):
-        ready = [i for i in before if i not in sequence and before[i] <= set(sequence)]
-        sequence.append(min(ready, key=lambda i: (stop[i], i)))
-    return ", ".join(traffic.ids[i] for i in sequence) or "nobody waits"
+    words = []
+    for sequence in _sequences(traffic, orders).tolist():
+        words.append(", ".join(traffic.ids[i] for i in sequence if i >= 0) or "nobody waits")
+    return words
+
+
+def _sequences(traffic: Traffic, orders: NDArray[np.int8]) -> NDArray[np.int64]:
+    """(order, place): vehicle indices in crossing order, -1 behind the last."""
+    count = len(traffic)
+    waits_for = np.zeros((len(orders), count, count), np.bool_)  # [order, second, first]
+    involved = np.zeros((len(orders), count), np.bool_)
+    for (yielder, prioritized), way in zip(traffic.conflicts.tolist(), orders.T, strict=True):
+        waits_for[:, prioritized, yielder] |= way > 0
+        waits_for[:, yielder, prioritized] |= way < 0
+        involved[:, [yielder, prioritized]] |= (way != 0)[:, None]
+    waits_for |= _behind(traffic)
+    to_line = np.array([traffic.intersection.routes[r].stop_line for r in traffic.route]) - traffic.position
+    sequence = np.full((len(orders), count), -1)
+    for place in range(count):
+        ready = involved & ~(waits_for & involved[:, None, :]).any(axis=2)
+        nearest = np.where(ready, to_line, np.inf).argmin(axis=1)
+        found = ready.any(axis=1)
+        sequence[found, place] = nearest[found]
+        involved[found, nearest[found]] = False
+    return sequence
+
+
+def _behind(traffic: Traffic) -> NDArray[np.bool_]:
+    """(vehicle, vehicle): whether the first queues somewhere behind the second in its stop lane."""
+    behind = np.zeros((len(traffic), len(traffic)), np.bool_)
+    arcs = _core.lane_order(traffic.intersection.core, traffic.core)
+    for ahead, follower in arcs.tolist():  # front to back, so everybody ahead is known already
+        behind[follower] |= behind[ahead]
+        behind[follower, ahead] = True
+    return behind

@@ -103,8 +103,8 @@ class Predictor:
         Args:
             traffic: the vehicles now.
             priorities: None (one scenario, no intervention); or (first, second) vehicle ids (one scenario); or
-                int8 (scenario, pair) over `traffic.conflicts`: +1 yielder first, -1 prioritized first, 0 left
-                to the gap decision. What they imply under the lane order is added.
+                int8 (scenario, pair), or (pair,) for one scenario, over `traffic.conflicts`: +1 yielder first,
+                -1 prioritized first, 0 left to the gap decision. What they imply under the lane order is added.
             trajectories: False returns the `Summary` alone, faster.
 
         Raises:
@@ -145,6 +145,8 @@ def as_assignments(traffic: Traffic, priorities: Priorities | None) -> NDArray[n
         return traffic.assign(priorities)[None]
     if priorities.dtype != np.int8:
         raise TypeError(f"priorities must be int8, not {priorities.dtype}")
+    if priorities.ndim == 1:
+        priorities = priorities[None]
     if priorities.ndim != 2 or priorities.shape[1] != len(traffic.conflicts):
         raise ValueError(
             f"priorities must have shape (scenario, {len(traffic.conflicts)}), one column a conflict,"

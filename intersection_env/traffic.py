@@ -91,9 +91,7 @@ class Traffic:
     def of(cls, intersection: Intersection, vehicles: Iterable[Vehicle]) -> Traffic:
         """The traffic of vehicles written by hand."""
         rows = list(vehicles)
-        columns = {
-            name: np.array([getattr(row, name) for row in rows], dtype=np.float32) for name in FLOAT_FIELDS
-        }
+        columns = {name: np.array([getattr(row, name) for row in rows], dtype=np.float32) for name in FLOAT_FIELDS}
         route = np.array([intersection.route_index(row.route) for row in rows], dtype=np.int32)
         return cls(intersection, tuple(row.id for row in rows), route, **columns)
 

@@ -111,9 +111,18 @@ def test_without_cooperative_vehicles_there_is_nothing_to_order() -> None:
     assert len(table) == 2
     assert table.total_time_loss.nunique() == 1
     few = rank_maneuvers(Predictor.load("idm"), busy(), cooperative=["a", "c", "f"])
-    named = {pair for row in few.priorities for pair in row}
+    named = {pair for row in few.priorities for pair in busy().words(row)}
     assert 2 < len(few) < 12
     assert {frozenset(pair) for pair in named} >= {frozenset(("a", "c")), frozenset(("c", "f"))}
+
+
+def test_order_in_words_lists_the_first_of_each_pair_first() -> None:
+    traffic = busy()
+    table = rank_maneuvers(Predictor.load("idm"), traffic, limit=300)
+    for row in table[table.intervention].itertuples():
+        place = {vehicle: k for k, vehicle in enumerate(str(row.order).split(", "))}
+        for first, second in traffic.words(row.priorities):
+            assert place[first] < place[second]
 
 
 def test_words_and_assignments_are_inverse() -> None:
@@ -193,7 +202,7 @@ def test_more_vehicles_than_a_traffic_may_hold_are_refused() -> None:
         ([("b", "c"), ("c", "a")], ValueError, "vehicle . cannot go before vehicle .: the lane order"),
         ([("c", "a"), ("a", "e"), ("e", "c")], ValueError, "cannot go before"),
         (np.zeros((1, 19), np.int64), TypeError, "priorities must be int8, not int64"),
-        (np.zeros(19, np.int8), ValueError, r"must have shape \(scenario, 19\)"),
+        (np.zeros(18, np.int8), ValueError, r"must have shape \(scenario, 19\)"),
         (np.zeros((1, 18), np.int8), ValueError, r"must have shape \(scenario, 19\)"),
         (np.full((1, 19), 2, np.int8), ValueError, r"must be \+1"),
     ],

@@ -1,0 +1,1 @@
+"""Recordings to scenes: inD's format, the SUMO stand-in, projection, filters, split."""

@@ -1,0 +1,122 @@
+"""A folder of recordings to a scenes file.
+
+python -m data.build RECORDINGS --map bendplatz --out out/scenes.npz
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections import defaultdict
+from collections.abc import Sequence
+from pathlib import Path
+
+from tqdm import tqdm
+
+from data.extrapolation import HORIZON
+from data.filters import CROSSING_MARGIN, OVERTAKING_MARGIN
+from data.ind import read_location, read_recording, recording_files, recording_ids
+from data.projection import MAX_EXCESS, RMS_EXCESS
+from data.scenes_builder import LEAST_DURATION, build_scenes, check_location
+from data.split import split_of
+from intersection_env.intersection import Intersection
+from intersection_env.predictor import DT
+from intersection_env.scenes import SPLITS, Scene, Scenes
+
+SETTINGS = {
+    "rms_excess_m": RMS_EXCESS,
+    "max_excess_m": MAX_EXCESS,
+    "crossing_margin_s": CROSSING_MARGIN,
+    "overtaking_margin_s": OVERTAKING_MARGIN,
+    "extrapolation_s": HORIZON,
+    "least_duration_s": LEAST_DURATION,
+}
+
+
+def build(
+    folder: Path, intersection: Intersection, recordings: Sequence[str] | None = None, progress: bool = True
+) -> Scenes:
+    """The scenes of all recordings in a folder, or of those named ("07").
+
+    Raises:
+        FileNotFoundError: a file is missing.
+        ValueError: a file is malformed, or a recording is of another place than the map's.
+    """
+    present = recording_ids(folder)
+    chosen = _chosen(folder, present, recordings)
+    split, origin = split_of(folder, chosen)
+    for id in chosen:  # before the long work
+        check_location(id, read_location(folder, id), intersection)
+    scenes: list[Scene] = []
+    dropped: defaultdict[str, float] = defaultdict(float)
+    about = []
+    for id in tqdm(chosen, desc="recordings", unit="recording", disable=None if progress else True):
+        recording = read_recording(folder, id)
+        own, reasons = build_scenes(recording, split[id], intersection)
+        scenes += own
+        for reason, count in reasons.items():
+            dropped[reason] += count
+        about.append(
+            {
+                "id": id,
+                "file": recording_files(folder, id).tracks.name,
+                "location": recording.location,
+                "split": split[id],
+                "seconds": round((int(recording.frame.max()) + 1) / recording.frame_rate, 3),
+                "tracks": len(recording.track_id),
+            }
+        )
+    provenance = {"made_by": "python -m data.build", "split": origin, "settings": SETTINGS, "recordings": about}
+    counts = {reason: round(float(dropped[reason]), 1) for reason in sorted(dropped) if dropped[reason]}
+    return Scenes(intersection, tuple(scenes), provenance, counts)
+
+
+def summary(scenes: Scenes) -> str:
+    """What the scenes hold and what was dropped, as text."""
+    recorded = sum(one["seconds"] for one in scenes.provenance["recordings"])
+    lines = [f"{recorded / 3600.0:.2f} h recorded; split {scenes.provenance['split']}"]
+    for split in SPLITS:
+        part = scenes.select(split)
+        hours = sum(scene.steps for scene in part) * DT / 3600.0
+        tracks = len({track.id for scene in part for track in scene.tracks})
+        recordings = len({scene.recording for scene in part})
+        lines.append(
+            f"  {split:<12} {recordings:3d} recordings {len(part):5d} scenes {hours:7.2f} h {tracks:6d} vehicles"
+        )
+    lines.append(f"dropped or cut, by reason (a scene lasts {LEAST_DURATION:g} s or more):")
+    lines += [f"  {reason:<48} {count:10g}" for reason, count in scenes.dropped.items()]
+    return "\n".join(lines)
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Builds a scenes file, prints what was dropped and why, and returns the exit status."""
+    parser = argparse.ArgumentParser(prog="python -m data.build", description="Recordings to a scenes file.")
+    parser.add_argument("folder", type=Path, help="folder with recordings in inD's format (.csv or .csv.xz)")
+    parser.add_argument("--map", default="bendplatz", help="a shipped map's name, or the path of a .json or .map")
+    parser.add_argument("--out", type=Path, default=Path("out/scenes.npz"), help="the scenes file to write")
+    parser.add_argument("--recordings", nargs="+", metavar="NN", help="read only these (07 08 09)")
+    options = parser.parse_args(arguments)
+    try:
+        scenes = build(options.folder, Intersection.load(options.map), options.recordings)
+        if not len(scenes):
+            raise ValueError(f"{options.folder}: no stretch is left to make a scene of\n{summary(scenes)}")
+        scenes.save(options.out)
+    except (OSError, ValueError) as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 1
+    print(summary(scenes))
+    print(f"written: {options.out}")
+    return 0
+
+
+def _chosen(folder: Path, present: Sequence[str], wanted: Sequence[str] | None) -> list[str]:
+    if wanted is None:
+        return list(present)
+    unknown = [id for id in wanted if id not in present]
+    if unknown:
+        raise FileNotFoundError(f"{folder}: no recording {unknown[0]} here; there are {', '.join(present)}")
+    return [id for id in present if id in wanted]
+
+
+if __name__ == "__main__":
+    sys.exit(main())

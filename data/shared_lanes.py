@@ -1,0 +1,56 @@
+"""Who is ahead of whom, along the lanes that two tracks share (docs/design.md, "Lead")."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from intersection_env.intersection import Intersection, SharedLane
+from intersection_env.scenes import Track
+
+
+class PairGap(NamedTuple):
+    """Steps at which both tracks are in a lane they share, and how far the second's centre is ahead.
+
+    steps: (n,) of the recording; ahead: (n,) [m].
+    """
+
+    steps: NDArray[np.int64]
+    ahead: NDArray[np.float64]
+
+
+def overlap_length(first: Track, second: Track) -> float:
+    """Centres closer than this mean that bodies overlap [m]."""
+    return 0.5 * (first.length + second.length)
+
+
+def pair_gap(first: Track, second: Track, intersection: Intersection) -> PairGap | None:
+    """The gap where both are in a shared lane; None if they are never in one at the same time."""
+    begin, end = max(first.start, second.start), min(first.stop, second.stop)
+    if begin >= end:
+        return None
+    a = first.position[begin - first.start : end - first.start].astype(np.float64)
+    b = second.position[begin - second.start : end - second.start].astype(np.float64)
+    steps = np.arange(begin, end)
+    if first.route == second.route:
+        return PairGap(steps, b - a)
+    lane = next((one for one in intersection.shared_lanes if {one.a, one.b} == {first.route, second.route}), None)
+    if lane is None:
+        return None
+    if lane.a == first.route:
+        shared, ahead = _along(lane, a, first.length, b, second.length)
+    else:
+        shared, behind = _along(lane, b, second.length, a, first.length)
+        ahead = -behind
+    return PairGap(steps[shared], ahead[shared]) if shared.any() else None
+
+
+def _along(
+    lane: SharedLane, a: NDArray[np.float64], length_a: float, b: NDArray[np.float64], length_b: float
+) -> tuple[NDArray[np.bool_], NDArray[np.float64]]:
+    """Whether they share the lane, and how far the one on route b is ahead, per step."""
+    entry = (a - 0.5 * length_a < lane.split) & (b - 0.5 * length_b < lane.split)
+    leaving = (a + 0.5 * length_a > lane.merge_a) & (b + 0.5 * length_b > lane.merge_b)
+    return entry | leaving, np.where(entry, b - a, b - lane.offset - a)

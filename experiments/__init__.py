@@ -1,0 +1,1 @@
+"""Everything that is shown: the demo, tables, figures, benchmarks."""
