@@ -1,0 +1,113 @@
+"""Who drives through the stand-in, when, where to and in what temper."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+BLOCK = 180.0  # [s], ours: traffic comes denser and thinner in blocks this long
+BLOCK_SPREAD = 0.35  # ours: standard deviation of the logarithm of a block's demand
+MAIN_FLOW, SIDE_FLOW, BICYCLE_FLOW = 280.0, 131.0, 30.0  # [1/h] an arm, an arm, in all
+TRUCK_SHARE = 0.04
+BICYCLE_WIDTH = 0.65  # [m]
+TURNS = {"main": {"straight": 0.66, "left": 0.17, "right": 0.17}, "side": {"straight": 0.4, "left": 0.3, "right": 0.3}}
+
+
+class Stream(NamedTuple):
+    """A route as demand sees it: from which arm, main or side, and how it turns."""
+
+    route: str
+    entry: str
+    road: str
+    turn: str
+
+
+@dataclass(frozen=True)
+class Driver:
+    """A vehicle and its driver: departure [s], length and width [m], SUMO's vType attributes."""
+
+    id: str
+    depart: float
+    route: str
+    kind: str
+    length: float
+    width: float
+    traits: dict[str, float]
+    arrival: float | None = None
+    """Where on its last edge the trip ends [m]; None: at its end."""
+
+
+def draw_drivers(rng: np.random.Generator, streams: list[Stream], duration: float) -> list[Driver]:
+    """The drivers of `duration` seconds, in the order of their departure."""
+    trips = sorted(_trips(rng, streams, duration))
+    return [_driver(rng, str(number), *trip) for number, trip in enumerate(trips)]
+
+
+def write(drivers: list[Driver], route_edges: dict[str, tuple[str, ...]], path: Path) -> None:
+    """Write the drivers as a SUMO route file, each with a vehicle type of its own."""
+    lines = ["<routes>"]
+    for route, edges in route_edges.items():
+        lines.append(f'<route id="{route}" edges="{" ".join(edges)}"/>')
+    for one in drivers:
+        v_class = {"car": "passenger", "truck_bus": "truck", "bicycle": "bicycle"}[one.kind]
+        traits = " ".join(f'{key}="{value:.4f}"' for key, value in one.traits.items())
+        lines.append(
+            f'<vType id="t{one.id}" vClass="{v_class}" carFollowModel="Krauss" speedDev="0"'
+            f' length="{one.length:.2f}" width="{one.width:.2f}" {traits}/>'
+        )
+        arrival = "max" if one.arrival is None else f"{one.arrival:.2f}"
+        lines.append(
+            f'<vehicle id="{one.id}" type="t{one.id}" route="{one.route}" depart="{one.depart:.2f}"'
+            f' departSpeed="desired" departPos="base" arrivalPos="{arrival}"/>'
+        )
+    path.write_text("\n".join([*lines, "</routes>", ""]), encoding="utf-8")
+
+
+def _trips(rng: np.random.Generator, streams: list[Stream], duration: float) -> Iterator[tuple[float, str, str]]:
+    arms = {stream.entry: stream.road for stream in streams}
+    for begin in np.arange(0.0, duration, BLOCK):
+        for arm, road in arms.items():
+            flow = (MAIN_FLOW if road == "main" else SIDE_FLOW) * rng.lognormal(-(BLOCK_SPREAD**2) / 2, BLOCK_SPREAD)
+            for kind, rate in (("vehicle", flow), ("bicycle", BICYCLE_FLOW / len(arms))):
+                for _ in range(rng.poisson(rate * BLOCK / 3600.0)):
+                    mine = [stream for stream in streams if stream.entry == arm]
+                    share = np.array([TURNS[road][stream.turn] for stream in mine])
+                    route = mine[rng.choice(len(mine), p=share / share.sum())].route
+                    yield round(float(begin + rng.uniform(0.0, BLOCK)), 2), route, kind
+
+
+def _driver(rng: np.random.Generator, number: str, depart: float, route: str, kind: str) -> Driver:
+    """Draw a driver: one latent aggressiveness moves all traits together."""
+    aggressive = rng.normal()
+
+    def trait(mean: float, spread: float, low: float, high: float, pull: float = 0.6) -> float:
+        value = mean + spread * (pull * aggressive + np.sqrt(1.0 - pull**2) * rng.normal())
+        return float(np.clip(value, low, high))
+
+    traits = {
+        "speedFactor": trait(0.94, 0.07, 0.75, 1.2),
+        "accel": trait(2.3, 0.3, 1.5, 3.2),
+        "decel": trait(2.7, 0.3, 2.0, 3.6),
+        "emergencyDecel": 5.5,
+        "tau": trait(1.15, 0.2, 0.75, 1.8, -0.6),
+        "minGap": trait(2.0, 0.4, 1.2, 3.0, -0.6),
+        "sigma": float(rng.uniform(0.1, 0.6)),
+        "jmTimegapMinor": trait(-0.6, 0.7, -2.0, 1.2, -0.6),
+        "impatience": float(rng.uniform(0.6, 1.0)),
+        "jmStoplineGap": 0.4,
+        "jmStoplineGapMinor": float(rng.uniform(0.0, 0.7)),
+        "maxSpeed": 30.0,
+    }
+    if kind == "bicycle":
+        slow = {"maxSpeed": trait(4.8, 0.6, 3.6, 6.2), "accel": 1.2, "decel": 2.5, "minGap": 1.0}
+        return Driver(number, depart, route, kind, 1.8, BICYCLE_WIDTH, traits | slow)
+    if rng.random() < TRUCK_SHARE:
+        heavy = {"accel": 1.4, "decel": 2.5, "speedFactor": min(traits["speedFactor"], 1.0)}
+        size = round(float(rng.uniform(6.5, 10.5)), 2), round(float(rng.uniform(2.3, 2.55)), 2)
+        return Driver(number, depart, route, "truck_bus", *size, traits | heavy)
+    size = round(trait(4.4, 0.35, 3.5, 5.4, 0.0), 2), round(trait(1.8, 0.08, 1.6, 2.05, 0.0), 2)
+    return Driver(number, depart, route, "car", *size, traits)
