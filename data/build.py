@@ -36,19 +36,19 @@ SETTINGS = {
 def build(
     folder: Path, intersection: Intersection, recordings: Sequence[str] | None = None, progress: bool = True
 ) -> Scenes:
-    """The scenes of all recordings in a folder, or of those named ("07").
+    """The scenes of all recordings in a folder that lie on the map, or of those named ("07").
 
     Raises:
         FileNotFoundError: a file is missing.
-        ValueError: a file is malformed, or a recording is of another place than the map's.
+        ValueError: a file is malformed, or none of the recordings, or one of those named, lies on the map.
     """
-    present = recording_ids(folder)
-    chosen = _chosen(folder, present, recordings)
-    split, origin = split_of(folder, chosen)
-    for id in chosen:  # before the long work
-        check_location(id, read_location(folder, id), intersection)
+    on_map, elsewhere = recordings_on(folder, intersection)
+    chosen = _chosen(folder, intersection, on_map, recordings)
+    split, origin = split_of(folder, on_map)
     scenes: list[Scene] = []
     dropped: defaultdict[str, float] = defaultdict(float)
+    if recordings is None:
+        dropped["recordings: of another location"] = len(elsewhere)
     about = []
     for id in tqdm(chosen, desc="recordings", unit="recording", disable=None if progress else True):
         recording = read_recording(folder, id)
@@ -69,6 +69,23 @@ def build(
     provenance = {"made_by": "python -m data.build", "split": origin, "settings": SETTINGS, "recordings": about}
     counts = {reason: round(float(dropped[reason]), 1) for reason in sorted(dropped) if dropped[reason]}
     return Scenes(intersection, tuple(scenes), provenance, counts)
+
+
+def recordings_on(folder: Path, intersection: Intersection) -> tuple[list[str], list[str]]:
+    """The ids of the recordings in a folder that lie on the map, and of those that do not.
+
+    Raises:
+        FileNotFoundError: there is no recording.
+        ValueError: none of them lies on the map.
+    """
+    on_map: list[str] = []
+    elsewhere: list[str] = []
+    locations = {id: read_location(folder, id) for id in recording_ids(folder)}
+    for id, location in locations.items():
+        (on_map if location in intersection.locations else elsewhere).append(id)
+    if not on_map:
+        check_location(elsewhere[0], locations[elsewhere[0]], intersection)
+    return on_map, elsewhere
 
 
 def summary(scenes: Scenes) -> str:
@@ -109,13 +126,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
     return 0
 
 
-def _chosen(folder: Path, present: Sequence[str], wanted: Sequence[str] | None) -> list[str]:
-    if wanted is None:
-        return list(present)
-    unknown = [id for id in wanted if id not in present]
-    if unknown:
-        raise FileNotFoundError(f"{folder}: no recording {unknown[0]} here; there are {', '.join(present)}")
-    return [id for id in present if id in wanted]
+def _chosen(folder: Path, intersection: Intersection, on_map: Sequence[str], wanted: Sequence[str] | None) -> list[str]:
+    for id in wanted or ():
+        if id not in on_map:
+            present = recording_ids(folder)
+            if id not in present:
+                raise FileNotFoundError(f"{folder}: no recording {id} here; there are {', '.join(present)}")
+            check_location(id, read_location(folder, id), intersection)
+    return [id for id in on_map if wanted is None or id in wanted]
 
 
 if __name__ == "__main__":

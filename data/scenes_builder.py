@@ -67,8 +67,8 @@ def check_location(recording: str, location: int, intersection: Intersection) ->
         known = ", ".join(map(str, intersection.locations)) or "none"
         raise ValueError(
             f'recording {recording} is of location {location}, but map "{intersection.name}" is made for location'
-            f" {known}; leave it out (--recordings names those to read), or give a map of that place (--map PATH, a"
-            f' source .json or compiled .map whose "locations" lists {location})'
+            f" {known}; give a map of that place (--map PATH, a source .json or compiled .map whose"
+            f' "locations" lists {location})'
         )
 
 

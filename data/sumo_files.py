@@ -12,6 +12,7 @@ import numpy as np
 import pandas as pd
 
 from data.sumo_tracks import FRAME_RATE, Floats, Track
+from intersection_env.files import written_whole
 
 LOCATION = 901
 SPEED_LIMIT = 50.0 / 3.6  # [m/s]
@@ -26,10 +27,10 @@ def write_recording(folder: Path, number: int, tracks: list[Track], duration: fl
     tracks_table, meta = _tables(number, tracks)
     stem = folder / f"{number:02d}"
     content = tracks_table.to_csv(index=False, float_format=f"%.{DECIMALS}f", lineterminator="\n").encode()
-    stem.with_name(f"{stem.name}_tracks.csv.xz").write_bytes(lzma.compress(content, preset=6))
+    _write(stem.with_name(f"{stem.name}_tracks.csv.xz"), lzma.compress(content, preset=6))
     for name, table in (("tracksMeta", meta), ("recordingMeta", _recording_meta(number, tracks, duration))):
         text = table.to_csv(index=False, float_format="%.5f", lineterminator="\n")
-        stem.with_name(f"{stem.name}_{name}.csv").write_bytes(text.encode())
+        _write(stem.with_name(f"{stem.name}_{name}.csv"), text.encode())
 
 
 def write_settings(folder: Path, made_with: dict[str, object]) -> None:
@@ -42,7 +43,12 @@ def write_settings(folder: Path, made_with: dict[str, object]) -> None:
         **made_with,
         "sha256": {name: hashlib.sha256(uncompressed(folder / name)).hexdigest() for name in names},
     }
-    (folder / "settings.json").write_text(json.dumps(settings, indent=2) + "\n", encoding="utf-8")
+    _write(folder / "settings.json", f"{json.dumps(settings, indent=2)}\n".encode())
+
+
+def _write(path: Path, content: bytes) -> None:
+    with written_whole(path) as temporary:
+        temporary.write_bytes(content)
 
 
 def uncompressed(path: Path) -> bytes:

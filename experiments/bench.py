@@ -7,13 +7,13 @@ from __future__ import annotations
 
 import argparse
 import json
-import os
 import time
 from pathlib import Path
 
 import numpy as np
 
 from intersection_env import Intersection, Traffic, Vehicle, _core
+from intersection_env.files import written_whole
 from intersection_env.policy import NetworkWeights, PolicyFile
 
 SCENARIOS = (1, 64, 1024)
@@ -95,11 +95,9 @@ def main() -> None:
             predict_us.setdefault(isa, {})[name] = row
             print(f"{isa:10}{name:12}" + "".join(f"{row[str(n)]:10.1f}" for n in SCENARIOS), end="")
             print(f"{row['1024_with_distances']:24.1f}")
-    out.parent.mkdir(parents=True, exist_ok=True)
-    temporary = Path(f"{out}.partial")
     results = {"vehicles": len(scene), "pairs": len(scene.conflicts), "steps": _core.STEPS, "predict_us": predict_us}
-    temporary.write_text(json.dumps(results, indent=1) + "\n", encoding="utf-8")
-    os.replace(temporary, out)
+    with written_whole(out) as temporary:
+        temporary.write_text(json.dumps(results, indent=1) + "\n", encoding="utf-8")
     print(f"\nwrote {out}")
 
 

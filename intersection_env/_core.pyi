@@ -5,6 +5,7 @@ from typing import Annotated
 import numpy
 from numpy.typing import NDArray
 
+
 class FormatError(ValueError):
     pass
 
@@ -25,16 +26,22 @@ def kernel_name() -> str:
 class Route:
     @property
     def id(self) -> str: ...
+
     @property
     def length(self) -> float: ...
+
     @property
     def stop_line(self) -> float: ...
+
     @property
     def stop_lane(self) -> int: ...
+
     @property
     def junction(self) -> tuple[float, float]: ...
+
     @property
     def first_conflict(self) -> float: ...
+
     @property
     def sample_count(self) -> int: ...
 
@@ -46,16 +53,22 @@ class Map:
 
     @property
     def name(self) -> str: ...
+
     @property
     def locations(self) -> list[int]: ...
+
     @property
     def spacing(self) -> float: ...
+
     @property
     def checksum(self) -> int: ...
+
     @property
     def heading_offsets(self) -> list[float]: ...
+
     @property
     def routes(self) -> list[Route]: ...
+
     @property
     def conflicts(self) -> list[tuple[int, int, bool, float, float, float, float]]:
         """Rows of yielder, prioritized, merging, and the interval on each [m]."""
@@ -64,11 +77,7 @@ class Map:
     def shared_lanes(self) -> list[tuple[int, int, float, float, float, float]]:
         """Rows of a, b, split, merge on a, merge on b, offset [m]."""
 
-    def sample(
-        self,
-        route: int,
-        position: Annotated[NDArray[numpy.float32], dict(shape=(None,), order="C", device="cpu", writable=False)],
-    ) -> NDArray[numpy.float32]:
+    def sample(self, route: int, position: Annotated[NDArray[numpy.float32], dict(shape=(None,), order='C', device='cpu', writable=False)]) -> NDArray[numpy.float32]:
         """
         (position, 11): x, y, heading, width, v_max, six relative headings, interpolated.
         """
@@ -76,16 +85,7 @@ class Map:
 class Traffic:
     """The vehicles at one moment, checked."""
 
-    def __init__(
-        self,
-        map: Map,
-        route: Annotated[NDArray[numpy.int32], dict(shape=(None,), order="C", device="cpu", writable=False)],
-        position: Annotated[NDArray[numpy.float32], dict(shape=(None,), order="C", device="cpu", writable=False)],
-        speed: Annotated[NDArray[numpy.float32], dict(shape=(None,), order="C", device="cpu", writable=False)],
-        length: Annotated[NDArray[numpy.float32], dict(shape=(None,), order="C", device="cpu", writable=False)],
-        width: Annotated[NDArray[numpy.float32], dict(shape=(None,), order="C", device="cpu", writable=False)],
-        max_speed: Annotated[NDArray[numpy.float32], dict(shape=(None,), order="C", device="cpu", writable=False)],
-    ) -> None: ...
+    def __init__(self, map: Map, route: Annotated[NDArray[numpy.int32], dict(shape=(None,), order='C', device='cpu', writable=False)], position: Annotated[NDArray[numpy.float32], dict(shape=(None,), order='C', device='cpu', writable=False)], speed: Annotated[NDArray[numpy.float32], dict(shape=(None,), order='C', device='cpu', writable=False)], length: Annotated[NDArray[numpy.float32], dict(shape=(None,), order='C', device='cpu', writable=False)], width: Annotated[NDArray[numpy.float32], dict(shape=(None,), order='C', device='cpu', writable=False)], max_speed: Annotated[NDArray[numpy.float32], dict(shape=(None,), order='C', device='cpu', writable=False)]) -> None: ...
 
 def conflicts(map: Map, traffic: Traffic) -> NDArray[numpy.int32]:
     """(pair, 2): yielder and prioritized vehicle of every open pair."""
@@ -103,11 +103,7 @@ def closest(map: Map, traffic: Traffic) -> tuple[float, int, int] | None:
     The smallest distance between two vehicles [m] and their indices, or None.
     """
 
-def complete(
-    map: Map,
-    traffic: Traffic,
-    assignments: Annotated[NDArray[numpy.int8], dict(shape=(None, None), order="C", device="cpu", writable=False)],
-) -> NDArray[numpy.int8]:
+def complete(map: Map, traffic: Traffic, assignments: Annotated[NDArray[numpy.int8], dict(shape=(None, None), order='C', device='cpu', writable=False)]) -> NDArray[numpy.int8]:
     """
     (scenario, pair): the assignments and what they imply; raises ValueError for a contradiction.
     """
@@ -115,13 +111,8 @@ def complete(
 class Orders:
     """Streams the crossing orders of a traffic."""
 
-    def __init__(
-        self,
-        map: Map,
-        traffic: Traffic,
-        cooperative: Annotated[NDArray[numpy.uint8], dict(shape=(None,), order="C", device="cpu", writable=False)],
-        preferred: Annotated[NDArray[numpy.int8], dict(shape=(None,), order="C", device="cpu", writable=False)],
-    ) -> None: ...
+    def __init__(self, map: Map, traffic: Traffic, cooperative: Annotated[NDArray[numpy.uint8], dict(shape=(None,), order='C', device='cpu', writable=False)], preferred: Annotated[NDArray[numpy.int8], dict(shape=(None,), order='C', device='cpu', writable=False)]) -> None: ...
+
     def next(self, pairs: int, most: int) -> NDArray[numpy.int8]:
         """(order, pair): up to `most` further orders."""
 
@@ -139,24 +130,8 @@ class Policy:
 
 class Predictor:
     def __init__(self, map: Map, policy: Policy) -> None: ...
-    def predict(
-        self,
-        traffic: Traffic,
-        assignments: Annotated[NDArray[numpy.int8], dict(shape=(None, None), order="C", device="cpu", writable=False)],
-        trajectories: bool,
-        safety: bool,
-        decisions: Annotated[NDArray[numpy.uint8], dict(shape=(None, None, None), order="C", writable=False)]
-        | None = None,
-        isa: str | None = None,
-    ) -> tuple[
-        NDArray[numpy.float32],
-        NDArray[numpy.float32],
-        NDArray[numpy.float32],
-        NDArray[numpy.uint8],
-        NDArray[numpy.uint8],
-        NDArray[numpy.float32],
-        NDArray[numpy.float32],
-    ]:
+
+    def predict(self, traffic: Traffic, assignments: Annotated[NDArray[numpy.int8], dict(shape=(None, None), order='C', device='cpu', writable=False)], trajectories: bool, safety: bool, decisions: Annotated[NDArray[numpy.uint8], dict(shape=(None, None, None), order='C', writable=False)] | None = None, isa: str | None = None) -> tuple[NDArray[numpy.float32], NDArray[numpy.float32], NDArray[numpy.float32], NDArray[numpy.uint8], NDArray[numpy.uint8], NDArray[numpy.float32], NDArray[numpy.float32]]:
         """
         position, speed, acceleration, enters, present, time_loss, minimum_distance.
         """

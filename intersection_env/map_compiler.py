@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import os
 import zlib
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -14,6 +13,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
+from intersection_env.files import written_whole
 from intersection_env.map_source import MapSource, Points, RouteSource, wrap
 
 MAGIC = "intersection_env map"
@@ -272,9 +272,9 @@ def main() -> None:
     shipped = sorted((Path(__file__).parent / "maps").glob("*.json"))
     for source in [arguments.source] if arguments.source else shipped:
         target = arguments.out or source.with_suffix(".map")
-        temporary = Path(f"{target}.partial")
-        temporary.write_text(compile_map(MapSource.read(source)), encoding="utf-8")
-        os.replace(temporary, target)
+        text = compile_map(MapSource.read(source))
+        with written_whole(target) as temporary:
+            temporary.write_text(text, encoding="utf-8")
         print(f"{source} -> {target}")
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import zlib
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -11,6 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from intersection_env.files import written_whole
 from intersection_env.predictor import DT
 
 MAGIC, VERSION = "intersection_env policy", 1
@@ -77,9 +77,8 @@ class PolicyFile:
         Raises:
             OSError: it cannot be written.
         """
-        temporary = Path(f"{path}.partial")
-        temporary.write_text(self.text(), encoding="utf-8")
-        os.replace(temporary, path)
+        with written_whole(path) as temporary:
+            temporary.write_text(self.text(), encoding="utf-8")
 
 
 def _network_lines(features: Sequence[str], network: NetworkWeights) -> list[str]:

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
-import tempfile
 import zipfile
 import zlib
 from pathlib import Path
@@ -12,6 +10,8 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+from intersection_env.files import written_whole
 
 FORMAT = "intersection_env scenes"
 VERSION = 1
@@ -47,18 +47,8 @@ def write_scenes_file(path: Path, header: dict[str, Any], arrays: dict[str, NDAr
         OSError: the file cannot be written; what was there before is then untouched.
     """
     text = json.dumps({"format": FORMAT, "version": VERSION, **header}, sort_keys=True)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
-    try:
-        with os.fdopen(handle, "wb") as file:
-            np.savez_compressed(file, allow_pickle=False, header=np.array(text), **arrays)
-            file.flush()
-            os.fsync(file.fileno())
-        os.chmod(name, 0o644)  # mkstemp gives 0600
-        os.replace(name, path)
-    except BaseException:
-        os.unlink(name)
-        raise
+    with written_whole(path) as temporary, temporary.open("wb") as file:
+        np.savez_compressed(file, allow_pickle=False, header=np.array(text), **arrays)
 
 
 def read_scenes_file(path: Path) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:

@@ -119,9 +119,10 @@ def test_without_cooperative_vehicles_there_is_nothing_to_order() -> None:
 def test_order_in_words_lists_the_first_of_each_pair_first() -> None:
     traffic = busy()
     table = rank_maneuvers(Predictor.load("idm"), traffic, limit=300)
-    for row in table[table.intervention].itertuples():
-        place = {vehicle: k for k, vehicle in enumerate(str(row.order).split(", "))}
-        for first, second in traffic.words(row.priorities):
+    interventions = table[table.intervention]
+    for order, priorities in zip(interventions.order, interventions.priorities, strict=True):
+        place = {vehicle: k for k, vehicle in enumerate(order.split(", "))}
+        for first, second in traffic.words(priorities):
             assert place[first] < place[second]
 
 

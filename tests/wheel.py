@@ -23,9 +23,7 @@ def main() -> None:
     for name, routes in {"bendplatz": ("NE-SW", "SE-NW", "NW-SE"), "t_junction": ("S-W", "W-E", "E-W")}.items():
         intersection = Intersection.load(name)
         stop_line = [intersection.routes[intersection.route_index(route)].stop_line for route in routes]
-        vehicles = [
-            Vehicle(route, route, line - 15.0, 6.0) for route, line in zip(routes, stop_line, strict=True)
-        ]
+        vehicles = [Vehicle(route, route, line - 15.0, 6.0) for route, line in zip(routes, stop_line, strict=True)]
         table = rank_maneuvers(Predictor.load("idm"), Traffic.of(intersection, vehicles))
         assert len(table) == 5, table
         assert table.total_time_loss.notna().all()

@@ -1,0 +1,147 @@
+"""How far predictions are from what was recorded."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from intersection_env.metrics import error_figures, time_loss
+from intersection_env.predictor import DT, STEPS, Predictor
+from intersection_env.scenes import Scene, Scenes, Track
+from intersection_env.traffic import Traffic
+
+HORIZONS = (2.0, 4.0, 6.0, 8.0, 10.0)  # [s], paper, Section IV-C
+EVERY = 1.0  # [s] between two starts; design.md, 6.12
+SCORED = ("car", "truck_bus")  # bicycles take part, but are not scored
+POPULATIONS = ("recorded", "extrapolated")
+_AT = np.round(np.array(HORIZONS) / DT).astype(np.int64)  # steps of the horizons
+_LEAST = int(_AT[0])
+
+
+@dataclass(frozen=True, eq=False)
+class Start:
+    """One recorded moment from which to predict."""
+
+    scene: Scene
+    step: int
+    traffic: Traffic
+    """The vehicles present, in the order of the scene's tracks."""
+
+    @property
+    def time(self) -> float:
+        """Since the scene's begin [s]."""
+        return self.step * DT
+
+    @property
+    def full(self) -> bool:
+        """Whether the scene lasts for the whole horizon from here."""
+        return self.step + STEPS < self.scene.steps
+
+    def recorded(self) -> np.ma.MaskedArray[Any, np.dtype[np.float32]]:
+        """The positions as they became: (time, vehicle) [m], masked where not recorded."""
+        position = np.zeros((STEPS + 1, len(self.traffic)), np.float32)
+        known = np.zeros(position.shape, np.bool_)
+        for i, track in enumerate(self.tracks()):
+            part = self.future(track)
+            count = len(track.position[part])
+            position[:count, i], known[:count, i] = track.position[part], track.observed[part]
+        return np.ma.masked_array(position, ~known)
+
+    def tracks(self) -> list[Track]:
+        """The tracks of the vehicles present: (vehicle,)."""
+        return [self.scene.track(id) for id in self.traffic.ids]
+
+    def future(self, track: Track) -> slice:
+        """Where in a track's arrays this moment and the horizon after it lie."""
+        return slice(self.step - track.start, self.step - track.start + STEPS + 1)
+
+
+def starts(scenes: Scenes) -> tuple[list[Start], dict[str, str]]:
+    """Every second of every scene, as long as 2 s of it remain and anybody is there.
+
+    Returns:
+        The starts, and those refused because vehicles overlap in the recording: what was found, by moment.
+    """
+    found: list[Start] = []
+    refused: dict[str, str] = {}
+    for scene in scenes:
+        for step in range(0, scene.steps - _LEAST, round(EVERY / DT)):
+            try:
+                traffic = scenes.at(scene, step * DT)
+            except ValueError as error:
+                refused[f"scene {scene.id}, {step * DT:.1f} s"] = str(error)
+                continue
+            if len(traffic):
+                found.append(Start(scene, step, traffic))
+    return found, refused
+
+
+def evaluate(predictor: Predictor, moments: Sequence[Start]) -> pd.DataFrame:
+    """Errors of the predicted positions and time losses; all vehicles of a start are predicted jointly.
+
+    Scored are cars and trucks, where they are recorded at the horizon: those recorded at the start too, and in
+    rows of their own those extrapolated at the start, which are built from their own future.
+
+    Args:
+        predictor: who predicts.
+        moments: as `starts` gives them.
+
+    Returns:
+        One row a population and horizon that has samples: `model`, `population` ("recorded", "extrapolated"),
+        `horizon` [s]; of the distance along the route, `rmse` and `mad` (median of the absolute error) [m]; of
+        the time lost since the start, predicted minus recorded, `time_loss_rmse` and `time_loss_q80` (80 %
+        quantile of the absolute error) [s]; `count` of samples.
+
+    Raises:
+        ValueError: no moments.
+    """
+    if not moments:
+        raise ValueError("no moments to evaluate a predictor on")
+    parts = zip(*(_errors(predictor, one) for one in moments), strict=True)
+    errors = _Errors(*(np.concatenate(part, axis=-1) for part in parts))
+    rows = []
+    for population in POPULATIONS:
+        for h, horizon in enumerate(HORIZONS):
+            chosen = errors.scored[h] & (errors.recorded == (population == "recorded"))
+            if chosen.any():
+                far, late = error_figures(errors.distance[h, chosen]), error_figures(errors.time_loss[h, chosen])
+                figures = (far.rmse, far.mad, late.rmse, late.quantile_80, far.count)
+                rows.append((predictor.name, population, horizon, *figures))
+    columns = ["model", "population", "horizon", "rmse", "mad", "time_loss_rmse", "time_loss_q80", "count"]
+    return pd.DataFrame(rows, columns=columns)
+
+
+class _Errors(NamedTuple):
+    """distance [m], time_loss [s], scored: (horizon, vehicle); recorded: (vehicle,), at the start."""
+
+    distance: NDArray[np.float64]
+    time_loss: NDArray[np.float64]
+    scored: NDArray[np.bool_]
+    recorded: NDArray[np.bool_]
+
+
+def _errors(predictor: Predictor, start: Start) -> _Errors:
+    traffic, tracks = start.traffic, start.tracks()
+    prediction = predictor.predict(traffic)
+    recorded = start.recorded()
+    known = ~np.ma.getmaskarray(recorded)
+    lost = np.zeros((len(_AT), len(traffic)))
+    for i, track in enumerate(tracks):
+        part, route, top_speed = start.future(track), int(traffic.route[i]), float(traffic.max_speed[i])
+        truth = time_loss(traffic.intersection, route, track.position[part], track.speed[part], top_speed)
+        # off the map no time is lost: the sum ends with the step in which the vehicle leaves it
+        inside = slice(0, int(prediction.present[0, :, i].sum()) + 1)
+        position, speed = (np.ascontiguousarray(one[0, inside, i]) for one in (prediction.position, prediction.speed))
+        predicted = time_loss(traffic.intersection, route, position, speed, top_speed)
+        lost[:, i] = predicted[np.minimum(_AT, len(predicted) - 1)] - truth[np.minimum(_AT, len(truth) - 1)]
+    return _Errors(
+        distance=prediction.position[0, _AT].astype(np.float64) - recorded.data[_AT],
+        time_loss=lost,
+        scored=known[_AT] & np.array([track.road_user in SCORED for track in tracks], np.bool_),
+        recorded=known[0],
+    )
