@@ -9,7 +9,7 @@ CORE := $(shell find intersection_env/core -type f)
 CXX_SOURCES := $(filter %.hpp %.cpp,$(CORE))
 RECORDINGS ?= data/recordings
 
-.PHONY: demo setup check test harden bench maps recordings statistics format clean
+.PHONY: demo setup check test harden bench maps recordings statistics pages format clean
 
 demo: $(VENV)/.package
 	$(RUN) -m experiments.demo --recordings $(RECORDINGS)
@@ -41,6 +41,14 @@ recordings: setup
 statistics: $(VENV)/.package
 	$(RUN) -m data.build $(RECORDINGS) --map bendplatz --out out/scenes.npz
 	$(RUN) -m data.statistics out/scenes.npz
+
+# Makes the README's figures anew: the results files, the picture, then the marked blocks.
+pages: demo bench
+	cp out/demo/errors.csv experiments/results/errors.csv
+	cp out/demo/positions.png docs/pictures/positions.png
+	$(RUN) -m intersection_env.plots bendplatz --out docs/pictures/bendplatz.png
+	$(RUN) -m intersection_env.plots t_junction --out docs/pictures/t_junction.png
+	$(RUN) -m experiments.pages
 
 format: setup
 	$(VENV)/bin/ruff check --fix .
