@@ -131,6 +131,11 @@ class Policy:
 class Predictor:
     def __init__(self, map: Map, policy: Policy) -> None: ...
 
+    def observe(self, traffic: Traffic) -> tuple[NDArray[numpy.float32], NDArray[numpy.float32], NDArray[numpy.uint8]]:
+        """
+        driving (vehicle, 12) and gap (pair, 4) features, and which pairs' gaps are accepted (pair,).
+        """
+
     def predict(self, traffic: Traffic, assignments: Annotated[NDArray[numpy.int8], dict(shape=(None, None), order='C', device='cpu', writable=False)], trajectories: bool, safety: bool, decisions: Annotated[NDArray[numpy.uint8], dict(shape=(None, None, None), order='C', writable=False)] | None = None, isa: str | None = None) -> tuple[NDArray[numpy.float32], NDArray[numpy.float32], NDArray[numpy.float32], NDArray[numpy.uint8], NDArray[numpy.uint8], NDArray[numpy.float32], NDArray[numpy.float32]]:
         """
         position, speed, acceleration, enters, present, time_loss, minimum_distance.

@@ -58,6 +58,22 @@ class Prediction:
     minimum_distance: NDArray[np.float32]
 
 
+@dataclass(frozen=True)
+class Observation:
+    """What the networks see at one moment; paper, Table I.
+
+    driving: (vehicle, 12) distance to the stop line [m], speed, v_max [m/s], relative heading at -10, -3, 3, 10,
+        30 and 100 m [rad], distance to the lead [m] and its speed [m/s], gap decision (0 or 1).
+    gap: (pair, 4) over `traffic.conflicts`: the yielder's distance to the point of guaranteed arrival [m] and speed
+        [m/s], the other's distance to its stop line [m] and speed [m/s].
+    accepts: (pair,) bool, whether the policy accepts the gap.
+    """
+
+    driving: NDArray[np.float32]
+    gap: NDArray[np.float32]
+    accepts: NDArray[np.bool_]
+
+
 class Predictor:
     """A policy that predicts traffic on any map."""
 
@@ -121,6 +137,11 @@ class Predictor:
         time = np.arange(STEPS + 1, dtype=np.float32) * np.float32(DT)
         flags = enters.view(np.bool_), present.view(np.bool_)
         return Prediction(traffic, time, position, speed, acceleration, *flags, time_loss, minimum_distance)
+
+    def observe(self, traffic: Traffic) -> Observation:
+        """What every vehicle sees and decides at this moment, without intervention."""
+        driving, gap, accepts = self._on(traffic).observe(traffic.core)
+        return Observation(driving, gap, accepts.view(np.bool_))
 
     def _on(self, traffic: Traffic) -> _core.Predictor:
         intersection = traffic.intersection

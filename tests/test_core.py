@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from typing import Literal
 
 import numpy as np
 import pytest
@@ -80,6 +81,25 @@ def test_core_decides_as_its_twin(name: str, gap: str) -> None:
         enters = core_predictor(traffic, policy).predict(traffic.core, assignment, True, False)[3]
         same += bool((enters[0].astype(bool) == truth.enters).all())
     assert same >= 19
+
+
+@pytest.mark.parametrize("name", MAP_NAMES)
+@pytest.mark.parametrize("gap", ["critical_gap", "sumo"])
+def test_observations_and_gap_decisions_equal_the_twin(name: str, gap: Literal["critical_gap", "sumo"]) -> None:
+    for seed in SEEDS:
+        traffic, twin = random_case(name, 9000 + seed)
+        seen = Predictor.load("idm", gap=gap).observe(traffic)
+        map_ = twin_map(name)
+        pairs = reference.conflicts(map_, twin).reshape(-1, 2)
+        truth = reference.observe(map_, twin)
+        np.testing.assert_allclose(seen.gap, truth.gap.reshape(-1, 4), atol=1e-3)
+        np.testing.assert_allclose(seen.driving[:, :11], truth.driving[:, :11], atol=1e-3)
+        hold = np.full(len(traffic), -1)
+        accepts = [
+            reference.accepts_gap(map_, twin, pair, features, hold, gap, None)
+            for pair, features in zip(pairs, truth.gap, strict=True)
+        ]
+        np.testing.assert_array_equal(seen.accepts, np.array(accepts, bool))
 
 
 @pytest.mark.parametrize("name", MAP_NAMES)

@@ -128,6 +128,16 @@ predict(const Predictor& predictor, const Traffic& traffic, const Table<std::int
     return std::make_tuple(position, speed, acceleration, enters, present, time_loss, minimum_distance);
 }
 
+std::tuple<Floats, Floats, Flags> observe(const Predictor& predictor, const Traffic& traffic) {
+    const std::size_t vehicles = traffic.route.size();
+    const std::size_t pairs = find_conflicts(predictor.map(), traffic).size();
+    auto driving = make<float>({vehicles, DRIVING_INPUTS});
+    auto gap = make<float>({pairs, GAP_INPUTS});
+    auto accepts = make<std::uint8_t>({pairs});
+    predictor.observe(traffic, driving.data(), gap.data(), accepts.data(), kernel());
+    return std::make_tuple(driving, gap, accepts);
+}
+
 Orders make_orders(const Map& map, const Traffic& traffic, const Vector<std::uint8_t>& cooperative,
                    const Vector<std::int8_t>& preferred) {
     const std::vector<Pair> pairs = find_conflicts(map, traffic);
@@ -253,6 +263,8 @@ NB_MODULE(_core, m) {
 
     nb::class_<Predictor>(m, "Predictor")
         .def(nb::init<std::shared_ptr<const Map>, Policy>(), "map"_a, "policy"_a)
+        .def("observe", &observe, "traffic"_a,
+             "driving (vehicle, 12) and gap (pair, 4) features, and which pairs' gaps are accepted (pair,).")
         .def("predict", &predict, "traffic"_a, "assignments"_a.noconvert(), "trajectories"_a, "safety"_a,
              "decisions"_a.noconvert().none() = nb::none(), "isa"_a = nb::none(),
              "position, speed, acceleration, enters, present, time_loss, minimum_distance.");

@@ -17,6 +17,7 @@ struct Kernel {
     Workspace* (*create)();
     void (*destroy)(Workspace*);
     void (*run)(const Problem&, const BlockArguments&, Workspace&);
+    void (*observe)(const Problem&, const ObservationArguments&, Workspace&);
 };
 
 // Throws std::runtime_error where the override names an instruction set that is unknown or not here.

@@ -118,15 +118,47 @@ Predictor::Bound Predictor::bind(const Traffic& traffic, std::span<const Pair> p
     return bound;
 }
 
+Problem Predictor::problem(const Bound& bound) const {
+    return {bound.vehicles.data(),
+            bound.candidates.data(),
+            bound.pairs.data(),
+            bound.touches.data(),
+            static_cast<int>(bound.vehicles.size()),
+            static_cast<int>(bound.pairs.size()),
+            static_cast<int>(bound.touches.size()),
+            static_cast<int>(map_->routes.size()),
+            1.0F / map_->spacing,
+            policy_.gap,
+            policy_.driver,
+            policy_.idm,
+            policy_.acceleration_scale,
+            policy_.gap_network ? &*policy_.gap_network : nullptr,
+            policy_.driving_network ? &*policy_.driving_network : nullptr};
+}
+
+void Predictor::observe(const Traffic& traffic, float* driving, float* gap, std::uint8_t* accepts,
+                        const Kernel& kernel) const {
+    check(*map_, traffic);
+    const std::vector<Pair> pairs = open_pairs(traffic);
+    const Bound bound = bind(traffic, pairs);
+    const std::unique_ptr<Workspace, void (*)(Workspace*)> workspace(kernel.create(), kernel.destroy);
+    kernel.observe(problem(bound), {driving, gap, accepts}, *workspace);
+}
+
+std::vector<Pair> Predictor::open_pairs(const Traffic& traffic) const {
+    std::vector<Pair> pairs = find_conflicts(*map_, traffic);
+    if (pairs.size() > MAX_PAIRS) {
+        throw std::invalid_argument(std::to_string(pairs.size()) + " conflicting pairs are more than " +
+                                    std::to_string(MAX_PAIRS));
+    }
+    return pairs;
+}
+
 void Predictor::predict(const Traffic& traffic, std::span<std::int8_t> assignments, int scenarios,
                         std::span<const std::uint8_t> decisions, const Results& results, const Kernel& kernel) const {
     check(*map_, traffic);
-    const std::vector<Pair> pairs = find_conflicts(*map_, traffic);
+    const std::vector<Pair> pairs = open_pairs(traffic);
     const std::size_t pair_count = pairs.size(), vehicles = at(traffic.count());
-    if (pair_count > MAX_PAIRS) {
-        throw std::invalid_argument(std::to_string(pair_count) + " conflicting pairs are more than " +
-                                    std::to_string(MAX_PAIRS));
-    }
     if (scenarios < 0 || assignments.size() != at(scenarios) * pair_count ||
         (!decisions.empty() && decisions.size() != at(scenarios) * STEPS * vehicles)) {
         throw std::invalid_argument("assignments must be (scenario, " + std::to_string(pair_count) +
@@ -136,27 +168,13 @@ void Predictor::predict(const Traffic& traffic, std::span<std::int8_t> assignmen
         complete(*map_, traffic, pairs, assignments.subspan(at(s) * pair_count, pair_count));
     }
     const Bound bound = bind(traffic, pairs);
-    const Problem problem{bound.vehicles.data(),
-                          bound.candidates.data(),
-                          bound.pairs.data(),
-                          bound.touches.data(),
-                          static_cast<int>(vehicles),
-                          static_cast<int>(pair_count),
-                          static_cast<int>(bound.touches.size()),
-                          static_cast<int>(map_->routes.size()),
-                          1.0F / map_->spacing,
-                          policy_.gap,
-                          policy_.driver,
-                          policy_.idm,
-                          policy_.acceleration_scale,
-                          policy_.gap_network ? &*policy_.gap_network : nullptr,
-                          policy_.driving_network ? &*policy_.driving_network : nullptr};
+    const Problem shared = problem(bound);
     const std::unique_ptr<Workspace, void (*)(Workspace*)> workspace(kernel.create(), kernel.destroy);
     for (int first = 0; first < scenarios; first += kernel.lanes) {
         const std::size_t frames = at(first) * (STEPS + 1) * vehicles;
         const auto from = [frames](auto* values) { return values == nullptr ? nullptr : values + frames; };
         const Trajectories& t = results.trajectories;
-        kernel.run(problem,
+        kernel.run(shared,
                    {assignments.data() + at(first) * pair_count,
                     decisions.empty() ? nullptr : decisions.data() + at(first) * STEPS * vehicles,
                     std::min(kernel.lanes, scenarios - first),

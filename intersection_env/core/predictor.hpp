@@ -33,12 +33,18 @@ class Predictor {
     void predict(const Traffic& traffic, std::span<std::int8_t> assignments, int scenarios,
                  std::span<const std::uint8_t> decisions, const Results& results, const Kernel& kernel) const;
 
+    // What every vehicle sees and decides now, without intervention. driving: (vehicle, DRIVING_INPUTS);
+    // gap: (pair, GAP_INPUTS) and accepts: (pair,) over find_conflicts(map, traffic).
+    void observe(const Traffic& traffic, float* driving, float* gap, std::uint8_t* accepts, const Kernel& kernel) const;
+
   private:
     struct Tables { // one route's rows for the kernel
         std::vector<float> observed, pose;
     };
     struct Bound; // a Problem and what it points to
+    std::vector<Pair> open_pairs(const Traffic& traffic) const;
     Bound bind(const Traffic& traffic, std::span<const Pair> pairs) const;
+    Problem problem(const Bound& bound) const;
     void add_candidates(const Traffic& traffic, int i, Bound& bound) const;
     void add_touches(const Traffic& traffic, Bound& bound) const;
 

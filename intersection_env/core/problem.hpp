@@ -83,4 +83,11 @@ struct BlockArguments {
     float* minimum_distance; // (scenario,), or null: not wanted
 };
 
+// Where one moment's observations go; all from the first lane.
+struct ObservationArguments {
+    float* driving;        // (vehicle, DRIVING_INPUTS)
+    float* gap;            // (pair, GAP_INPUTS)
+    std::uint8_t* accepts; // (pair,), the gap decision alone
+};
+
 } // namespace intersection_env

@@ -3,6 +3,7 @@
 
 #include "kernel/block.hpp"
 #include "kernel/network.hpp"
+#include "kernel/observe.hpp"
 
 namespace intersection_env::INTERSECTION_ENV_ISA {
 
@@ -13,18 +14,18 @@ constexpr float SUMO_TIME_GAP = 1.0F;   // [s], SUMO's jmTimegapMinor
 // Mask: the yielder accepts the gap to the prioritized vehicle.
 inline Ints accepts_gap(const Problem& problem, const ProblemPair& pair, const VehicleLanes& yielder,
                         const VehicleLanes& foe) {
-    const Floats to_pga = pair.yielder_end - yielder.rear;
     if (problem.gap == Gap::critical_gap) {
         const float critical = pair.merging ? CRITICAL_GAP_MERGING : CRITICAL_GAP_CROSSING;
         return foe.distance_to_stop_line > critical * most(foe.speed, all(LEAST_FOE_SPEED));
     }
     if (problem.gap == Gap::sumo) {
-        const Floats leaves = to_pga / yielder.v_max();
+        const Floats leaves = (pair.yielder_end - yielder.rear) / yielder.v_max();
         const Floats foe_arrives = foe.distance_to_stop_line / foe.v_max();
         const Floats foe_leaves = (pair.prioritized_end - foe.rear) / foe.v_max();
         return (foe_arrives > leaves + SUMO_TIME_GAP) | (foe_leaves < yielder.distance_to_stop_line / yielder.v_max());
     }
-    const Floats input[GAP_INPUTS] = {to_pga, yielder.speed, foe.distance_to_stop_line, foe.speed};
+    Floats input[GAP_INPUTS];
+    gap_features(pair, yielder, foe, input);
     return evaluate<GAP_INPUTS>(*problem.gap_network, input, LeakyRelu{}) > 0.0F;
 }
 

@@ -3,6 +3,7 @@
 
 #include "kernel/block.hpp"
 #include "kernel/network.hpp"
+#include "kernel/observe.hpp"
 
 namespace intersection_env::INTERSECTION_ENV_ISA {
 
@@ -31,14 +32,7 @@ inline Floats drive(const Problem& problem, float inverse_root, const VehicleLan
         return least(most(chosen, all(-p.deceleration_limit)), all(p.acceleration));
     }
     Floats input[DRIVING_INPUTS];
-    input[0] = vehicle.distance_to_stop_line;
-    input[1] = vehicle.speed;
-    for (int k = 0; k < 7; ++k) {
-        input[2 + k] = vehicle.environment[k];
-    }
-    input[9] = vehicle.lead_distance;
-    input[10] = vehicle.lead_speed;
-    input[11] = vehicle.delta ? all(1.0F) : all(0.0F);
+    driving_features(vehicle, input);
     return problem.acceleration_scale * tanh(evaluate<DRIVING_INPUTS>(*problem.driving_network, input, Tanh{}));
 }
 

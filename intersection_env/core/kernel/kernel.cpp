@@ -26,17 +26,18 @@ void start(const Problem& problem, const BlockArguments& arguments, Block& block
         vehicle.hold = all_ints(-1);
     }
     for (int p = 0; p < pairs; ++p) {
-        for (int l = 0; l < WIDTH; ++l) {
+        block.assignments[p] = Ints{};
+        for (int l = 0; arguments.assignments != nullptr && l < WIDTH; ++l) {
             const int scenario = l < arguments.scenarios ? l : arguments.scenarios - 1;
             block.assignments[p][l] = arguments.assignments[static_cast<long>(scenario) * pairs + p];
         }
     }
 }
 
-void observe_and_decide(const Problem& problem, const BlockArguments& arguments, int step, Block& block) {
+void observe_and_decide(const Problem& problem, bool headings, Block& block) {
     const int count = problem.vehicle_count;
     for (int i = 0; i < count; ++i) {
-        observe_road(problem, problem.vehicles[i], block.vehicles[i]);
+        observe_road(problem, problem.vehicles[i], headings, block.vehicles[i]);
         block.vehicles[i].refused = block.vehicles[i].refused_by_assignment = Ints{};
     }
     for (int i = 0; i < count; ++i) {
@@ -48,12 +49,13 @@ void observe_and_decide(const Problem& problem, const BlockArguments& arguments,
     for (int i = 0; i < count; ++i) {
         decide_vehicle(problem, i, block.vehicles[i]);
     }
-    if (arguments.decisions != nullptr) {
-        for (int i = 0; i < count; ++i) {
-            for (int l = 0; l < arguments.scenarios; ++l) {
-                const long at = (static_cast<long>(l) * STEPS + step) * count + i;
-                block.vehicles[i].delta[l] = arguments.decisions[at] != 0 ? -1 : 0;
-            }
+}
+
+void replay_decisions(const BlockArguments& arguments, int count, int step, Block& block) {
+    for (int i = 0; i < count; ++i) {
+        for (int l = 0; l < arguments.scenarios; ++l) {
+            const long at = (static_cast<long>(l) * STEPS + step) * count + i;
+            block.vehicles[i].delta[l] = arguments.decisions[at] != 0 ? -1 : 0;
         }
     }
 }
@@ -86,7 +88,10 @@ void run(const Problem& problem, const BlockArguments& arguments, Workspace& wor
     Floats distance = all(NO_DISTANCE);
     start(problem, arguments, block);
     for (int step = 0; step < STEPS; ++step) {
-        observe_and_decide(problem, arguments, step, block);
+        observe_and_decide(problem, problem.driver == Driver::network, block);
+        if (arguments.decisions != nullptr) {
+            replay_decisions(arguments, count, step, block);
+        }
         if (arguments.minimum_distance != nullptr) {
             distance = smallest_distance(problem, block, distance);
         }
@@ -121,12 +126,35 @@ void run(const Problem& problem, const BlockArguments& arguments, Workspace& wor
     }
 }
 
+void observe(const Problem& problem, const ObservationArguments& arguments, Workspace& workspace) {
+    Block& block = reinterpret_cast<Block&>(workspace);
+    start(problem, {}, block);
+    observe_and_decide(problem, true, block);
+    for (int i = 0; i < problem.vehicle_count; ++i) {
+        Floats features[DRIVING_INPUTS];
+        driving_features(block.vehicles[i], features);
+        for (int k = 0; k < DRIVING_INPUTS; ++k) {
+            arguments.driving[i * DRIVING_INPUTS + k] = features[k][0];
+        }
+    }
+    for (int p = 0; p < problem.pair_count; ++p) {
+        const ProblemPair& pair = problem.pairs[p];
+        const VehicleLanes &yielder = block.vehicles[pair.yielder], &foe = block.vehicles[pair.prioritized];
+        Floats features[GAP_INPUTS];
+        gap_features(pair, yielder, foe, features);
+        for (int k = 0; k < GAP_INPUTS; ++k) {
+            arguments.gap[p * GAP_INPUTS + k] = features[k][0];
+        }
+        arguments.accepts[p] = accepts_gap(problem, pair, yielder, foe)[0] != 0;
+    }
+}
+
 Workspace* create() { return reinterpret_cast<Workspace*>(new Block); }
 void destroy(Workspace* workspace) { delete reinterpret_cast<Block*>(workspace); }
 
 } // namespace
 
 extern const Kernel KERNEL;
-const Kernel KERNEL = {&INTERSECTION_ENV_NAME(INTERSECTION_ENV_ISA)[4], WIDTH, create, destroy, run};
+const Kernel KERNEL = {&INTERSECTION_ENV_NAME(INTERSECTION_ENV_ISA)[4], WIDTH, create, destroy, run, observe};
 
 } // namespace intersection_env::INTERSECTION_ENV_ISA
