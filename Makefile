@@ -9,7 +9,7 @@ CORE := $(shell find intersection_env/core -type f)
 CXX_SOURCES := $(filter %.hpp %.cpp,$(CORE))
 RECORDINGS ?= data/recordings
 
-.PHONY: demo setup check test harden bench maps recordings statistics pages format clean
+.PHONY: demo setup check test harden bench gap maps recordings statistics pages format clean
 
 demo: $(VENV)/.package
 	$(RUN) -m experiments.demo --recordings $(RECORDINGS)
@@ -37,6 +37,12 @@ maps: setup
 
 recordings: setup
 	$(RUN) -m data.sumo
+
+# The gap network: scenes, training, and the policy file that ships.
+gap: setup
+	$(RUN) -m data.build $(RECORDINGS) --map bendplatz --out out/scenes.npz
+	$(RUN) -m agents.gap default --scenes out/scenes.npz --run runs/gap
+	cp runs/gap/gap.policy intersection_env/policies/gap.policy
 
 statistics: $(VENV)/.package
 	$(RUN) -m data.build $(RECORDINGS) --map bendplatz --out out/scenes.npz
@@ -68,5 +74,5 @@ $(VENV)/.package: $(VENV)/.tools pyproject.toml $(CORE)
 	touch $@
 
 $(VENV)/.development: $(VENV)/.package
-	$(PIP) --no-build-isolation -e '.[data,render,sumo,dev]'
+	$(PIP) --no-build-isolation -e '.[data,render,sumo,train,dev]'
 	touch $@

@@ -61,7 +61,7 @@ def policies() -> dict[str, _core.Policy]:
     generator = np.random.default_rng(0)
     networks = PolicyFile("network", "network", random_network(generator, 4), random_network(generator, 12))
     return {
-        "idm": _core.Policy.rules("critical_gap", "idm"),
+        "idm": _core.Policy(PolicyFile("critical_gap", "idm").text(), "idm"),
         "networks": _core.Policy(networks.text(), "random weights"),
     }
 

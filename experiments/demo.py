@@ -20,15 +20,14 @@ from experiments.evaluation import Start, evaluate, starts
 from intersection_env.animation import animate
 from intersection_env.files import written_whole
 from intersection_env.intersection import Intersection
-from intersection_env.maneuvers import COUNT_LIMIT, WORTHWHILE_GAIN, rank_maneuvers
+from intersection_env.maneuvers import COUNT_LIMIT, LIMIT, WORTHWHILE_GAIN, rank_maneuvers
 from intersection_env.picture_files import write_figure
 from intersection_env.prediction_plots import plot_positions, short_ids
 from intersection_env.predictor import Prediction, Predictor
 from intersection_env.scenes import Scenes
 from intersection_env.traffic import Traffic
 
-MODELS = ("constant_velocity", "idm")
-MOST_ORDERS = 10_000  # ours: a demo's patience; how many are left out is printed
+MODELS = ("constant_velocity", "idm", "gap")
 ROWS = 10
 
 
@@ -43,7 +42,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         scenes = _build(options.recordings, Intersection.load(options.map), options.out / "scenes.npz")
         moments = _moments(scenes)
-        _rank(busiest(moments), Predictor.load("idm"), options.out)
+        _rank(busiest(moments), Predictor.load(), options.out)
         _evaluate(scenes, moments, options.out / "errors.csv")
     except (OSError, ValueError) as error:
         print(f"error: {error}", file=sys.stderr)
@@ -120,25 +119,26 @@ def _rank(start: Start, predictor: Predictor, out: Path) -> None:
     print(_vehicles(start).to_string(index=False))
     _heading(f"3. Crossing orders, predicted 10 s ahead ({predictor.name})")
     begin = time.perf_counter()
-    table = rank_maneuvers(predictor, traffic, limit=MOST_ORDERS)
+    table = rank_maneuvers(predictor, traffic)
     milliseconds = 1e3 * (time.perf_counter() - begin)
     orders = int(table["intervention"].sum())
     print(
         f"{orders} feasible orders predicted and ranked in {milliseconds:.0f} ms;"
-        f" {_left_out(table.attrs['left_out'])} left out (the limit is {MOST_ORDERS})"
+        f" {_left_out(table.attrs['left_out'])} left out (the limit is {LIMIT})"
     )
     print(_ranking(table, traffic))
     print(_verdict(table))
     default = predictor.predict(traffic)
     interventions = table[table["intervention"]]
     best = predictor.predict(traffic, interventions["priorities"].iloc[0]) if orders else default
-    _draw(start, default, best, out)
+    name = "best order" if interventions["safe"].any() else "least bad order (unsafe)"
+    _draw(start, default, name, best, out)
 
 
-def _draw(start: Start, default: Prediction, best: Prediction, out: Path) -> None:
+def _draw(start: Start, default: Prediction, name: str, best: Prediction, out: Path) -> None:
     titles = tuple(
-        f"{name}: {prediction.time_loss.sum():.1f} s lost"
-        for name, prediction in (("no intervention", default), ("best order", best))
+        f"{title}: {prediction.time_loss.sum():.1f} s lost"
+        for title, prediction in (("no intervention", default), (name, best))
     )
     write_figure(plot_positions(default, best, start.recorded(), (titles[0], titles[1])), out / "positions.png")
     _written(out / "positions.png")

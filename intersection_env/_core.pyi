@@ -17,8 +17,22 @@ MAX_VEHICLES: int = 64
 
 BRAKING: float = 4.0
 
+LEAST_SIZE: float = 0.10000000149011612
+
+MOST_LENGTH: float = 50.0
+
+MOST_WIDTH: float = 10.0
+
+MOST_SPEED: float = 100.0
+
 def available_kernels() -> list[str]:
     """The instruction sets of this machine's kernels, best last."""
+
+def gap_features() -> list[str]:
+    """The gap network's inputs, by name and unit."""
+
+def driving_features() -> list[str]:
+    """The driving network's inputs, by name and unit."""
 
 def kernel_name() -> str:
     """The kernel in use."""
@@ -113,10 +127,11 @@ class Orders:
 
     def __init__(self, map: Map, traffic: Traffic, cooperative: Annotated[NDArray[numpy.uint8], dict(shape=(None,), order='C', device='cpu', writable=False)], preferred: Annotated[NDArray[numpy.int8], dict(shape=(None,), order='C', device='cpu', writable=False)]) -> None: ...
 
-    def next(self, pairs: int, most: int) -> NDArray[numpy.int8]:
+    def next(self, most: int) -> NDArray[numpy.int8]:
         """(order, pair): up to `most` further orders."""
 
-    def count_remaining(self, most: int) -> int: ...
+    def count_remaining(self, most: int) -> int:
+        """How many are left, counted up to `most`."""
 
 class Policy:
     def __init__(self, text: str, where: str) -> None:
@@ -124,9 +139,15 @@ class Policy:
         Reads the text of a policy file, named `where` in errors; raises FormatError.
         """
 
-    @staticmethod
-    def rules(gap: str, driver: str) -> Policy:
-        """A policy without networks."""
+    @property
+    def about(self) -> str:
+        """Provenance and scores, JSON."""
+
+    def evaluate_gap(self, features: Annotated[NDArray[numpy.float32], dict(shape=(None, None), order='C', device='cpu', writable=False)]) -> NDArray[numpy.float32]:
+        """(row,): logits of accepting the gap."""
+
+    def evaluate_driving(self, features: Annotated[NDArray[numpy.float32], dict(shape=(None, None), order='C', device='cpu', writable=False)]) -> NDArray[numpy.float32]:
+        """(row,): the driving network's output before its last tanh."""
 
 class Predictor:
     def __init__(self, map: Map, policy: Policy) -> None: ...

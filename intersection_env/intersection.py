@@ -93,10 +93,9 @@ class Intersection:
         """
         path = Path(name_or_path)
         if path.suffix == ".json":
-            from intersection_env.map_compiler import compile_map
-            from intersection_env.map_source import MapSource
+            from intersection_env.map_compiler import compile_file
 
-            return cls(compile_map(MapSource.read(path)), str(path))
+            return cls(compile_file(path), str(path))
         if path.suffix != ".map":
             shipped = sorted(file.stem for file in MAPS.glob("*.map"))
             if str(name_or_path) not in shipped:

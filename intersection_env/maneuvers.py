@@ -19,7 +19,8 @@ if TYPE_CHECKING:
 SAFE_DISTANCE = 0.5  # [m], paper, Table II: closer counts as a collision
 WORTHWHILE_GAIN = 2.0  # [s], paper, Section IV-C.3: a gain beyond the error of the predicted time loss
 BATCH = 1024
-COUNT_LIMIT = 1_000_000  # ours: orders left out are counted this far
+LIMIT = 10_000  # ours: a second's work; a dense traffic can have millions of orders
+COUNT_LIMIT = 20_000  # ours: orders left out are counted this far, which takes some 25 ms
 
 
 def crossing_orders(
@@ -34,15 +35,18 @@ def crossing_orders(
     Args:
         traffic: the vehicles now.
         cooperative: ids of vehicles that take instructions; only pairs of two of them are ordered, the others
-            stay 0 (left to the gap decision). None: all.
+            stay 0 (left to the gap decision) unless they follow from those under the lane order. None: all.
         preferred: (pair,) an order near which to begin.
         batch: orders a batch, at most.
 
     Raises:
-        ValueError: an unknown vehicle.
+        TypeError: `cooperative` is one id, or `preferred` no int8.
+        ValueError: an unknown vehicle, a batch below 1, or a `preferred` of another shape.
     """
+    if batch < 1:
+        raise ValueError(f"batch must be at least 1, not {batch}")
     search = _search(traffic, cooperative, preferred)
-    while len(orders := search.next(len(traffic.conflicts), batch)):
+    while len(orders := search.next(batch)):
         yield orders
 
 
@@ -51,7 +55,7 @@ def rank_maneuvers(
     traffic: Traffic,
     cooperative: Collection[str] | None = None,
     *,
-    limit: int | None = None,
+    limit: int | None = LIMIT,
 ) -> pd.DataFrame:
     """Predicts every crossing order and ranks them: safe ones first, then by the total time loss.
 
@@ -60,7 +64,8 @@ def rank_maneuvers(
         traffic: the vehicles now.
         cooperative: as in `crossing_orders`.
         limit: predict at most so many orders, beginning with those that keep the order of no intervention
-            among most pairs. How many were left out stands in `attrs["left_out"]` (counted up to a million).
+            among most pairs; None: all, however many. How many were left out stands in `attrs["left_out"]`
+            (counted up to 20,000).
 
     Returns:
         One row an order and one for no intervention: `order` (in words), `total_time_loss`, `worst_time_loss`
@@ -69,6 +74,7 @@ def rank_maneuvers(
         as `Predictor.predict` takes them; `Traffic.words` names them).
 
     Raises:
+        TypeError: `cooperative` is one id, not a collection of them.
         ValueError: an unknown vehicle, or a limit below 1.
     """
     import pandas as pd
@@ -82,7 +88,7 @@ def rank_maneuvers(
         _rows(traffic, np.zeros((1, len(traffic.conflicts)), np.int8), default.time_loss, default.minimum_distance)
     ]
     remaining = limit if limit is not None else np.iinfo(np.int64).max
-    while remaining > 0 and len(orders := search.next(len(traffic.conflicts), min(BATCH, remaining))):
+    while remaining > 0 and len(orders := search.next(min(BATCH, remaining))):
         remaining -= len(orders)
         summary = predictor.predict(traffic, orders, trajectories=False)
         frames.append(_rows(traffic, orders, summary.time_loss, summary.minimum_distance))
@@ -98,11 +104,18 @@ def rank_maneuvers(
 
 
 def _search(traffic: Traffic, cooperative: Collection[str] | None, preferred: NDArray[np.int8] | None) -> _core.Orders:
+    if isinstance(cooperative, str):
+        raise TypeError(f'cooperative must be a collection of vehicle ids, not the one id "{cooperative}"')
     flags = np.full(len(traffic), cooperative is None, np.uint8)
     for vehicle_id in cooperative or ():
         flags[traffic.index(vehicle_id)] = 1
     if preferred is None:
         preferred = np.full(len(traffic.conflicts), -1, np.int8)
+    if preferred.dtype != np.int8:
+        raise TypeError(f"preferred must be int8, not {preferred.dtype}")
+    if preferred.shape != (len(traffic.conflicts),):
+        raise ValueError(f"preferred must have shape ({len(traffic.conflicts)},), not {preferred.shape}")
+    preferred = np.ascontiguousarray(preferred)
     return _core.Orders(traffic.intersection.core, traffic.core, flags, preferred)
 
 

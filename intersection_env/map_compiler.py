@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import argparse
+import sys
 import zlib
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
@@ -14,6 +15,7 @@ import shapely
 from numpy.typing import NDArray
 
 from intersection_env.files import written_whole
+from intersection_env.intersection import Intersection
 from intersection_env.map_source import MapSource, Points, RouteSource, wrap
 
 MAGIC = "intersection_env map"
@@ -92,6 +94,20 @@ def compile_map(source: MapSource) -> str:
     return _text(source, routes, conflicts, shared, overlaps)
 
 
+def compile_file(path: str | Path) -> str:
+    """The text of the compiled map of a source file.
+
+    Raises:
+        ValueError: as `MapSource.read` and `compile_map`; the message names the file.
+        OSError: the file cannot be read.
+    """
+    source = MapSource.read(path)
+    try:
+        return compile_map(source)
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from None
+
+
 def _compile_route(source: MapSource, route: RouteSource) -> CompiledRoute:
     pieces = source.pieces(route)
     polyline = np.concatenate([pieces[0].points, *(piece.points[1:] for piece in pieces[1:])])
@@ -148,6 +164,7 @@ def _samples(
 
 
 def _shared_lane(index_a: int, a: CompiledRoute, index_b: int, b: CompiledRoute) -> SharedLane | None:
+    _check_later_lanes(a.source, b.source)
     split, merge_a, merge_b, offset = -NEVER, NEVER, NEVER, 0.0
     if a.source.approach[0] == b.source.approach[0]:
         apart = _first(a.line, b.line, lambda distance: distance > SWEPT_WIDTH)
@@ -161,6 +178,17 @@ def _shared_lane(index_a: int, a: CompiledRoute, index_b: int, b: CompiledRoute)
     if split < 0.0 and merge_a == NEVER:
         return None
     return SharedLane(index_a, index_b, split, merge_a, merge_b, offset)
+
+
+def _check_later_lanes(a: RouteSource, b: RouteSource) -> None:
+    """Refuses routes that share a later lane but not the first: no shared lane could say where they meet."""
+    for part, lanes_a, lanes_b in (("exit", a.leaving, b.leaving), ("approach", a.approach, b.approach)):
+        common = [lane for lane in lanes_a if lane in lanes_b]
+        if common and lanes_a[0] != lanes_b[0]:
+            raise ValueError(
+                f'routes "{a.id}" and "{b.id}" share the {part} lane "{common[0]}" but not the first;'
+                f" let them share the first {part} lane"
+            )
 
 
 def _first(
@@ -263,20 +291,26 @@ def _row(*values: object) -> str:
     return " ".join(f"{value:.9g}" if isinstance(value, float) else str(value) for value in values)
 
 
-def main() -> None:
-    """Compiles one source file, or all that ship."""
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Compiles one source file, or all that ship, and returns the exit status."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("source", nargs="?", type=Path, help="a map source (.json); default: all that ship")
     parser.add_argument("out", nargs="?", type=Path, help="the compiled map (.map); default: beside the source")
-    arguments = parser.parse_args()
+    options = parser.parse_args(arguments)
     shipped = sorted((Path(__file__).parent / "maps").glob("*.json"))
-    for source in [arguments.source] if arguments.source else shipped:
-        target = arguments.out or source.with_suffix(".map")
-        text = compile_map(MapSource.read(source))
-        with written_whole(target) as temporary:
-            temporary.write_text(text, encoding="utf-8")
-        print(f"{source} -> {target}")
+    try:
+        for source in [options.source] if options.source else shipped:
+            target = options.out or source.with_suffix(".map")
+            text = compile_file(source)
+            Intersection(text, str(source))  # what the core would refuse is not written
+            with written_whole(target) as temporary:
+                temporary.write_text(text, encoding="utf-8")
+            print(f"{source} -> {target}")
+    except (OSError, ValueError) as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 1
+    return 0
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

@@ -18,8 +18,12 @@ from numpy.typing import NDArray
 FORMAT = "intersection_env map source"
 VERSION = 1
 RIGHTS_OF_WAY = ("priority", "yield", "stop")
+LARGEST = 2000.0  # [m], ours: local metres; a farther point has another origin, and would take minutes to compile
+MOST_LOCATION = 1_000_000  # ours: inD's ids are of one digit, ours of three
 CURVE_STEP = 0.25  # [m], ours: a polyline this fine deviates under 2 mm from a curve of 5 m radius
 TURN_ANGLE = np.radians(30.0)  # ours: a route that bends less than this runs straight
+
+KEYS = ("format", "version", "name", "about", "locations", "arms", "lanes", "stop_lines", "routes", "yields")
 
 Points = NDArray[np.float64]
 
@@ -87,9 +91,9 @@ class MapSource:
             OSError: the file cannot be read.
         """
         try:
-            content = json.loads(Path(path).read_text(encoding="utf-8"))
+            content = json.loads(Path(path).read_text(encoding="utf-8"), object_pairs_hook=_object)
             return cls._from_json(content)
-        except (json.JSONDecodeError, UnicodeDecodeError) as error:
+        except (json.JSONDecodeError, UnicodeDecodeError, RecursionError) as error:
             raise ValueError(f"{path}: not JSON: {error}") from None
         except ValueError as error:
             raise ValueError(f"{path}: {error}") from None
@@ -100,8 +104,9 @@ class MapSource:
             raise ValueError(f'"format" must be "{FORMAT}"')
         if content.get("version") != VERSION:
             raise ValueError(f'"version" is {content.get("version")!r}, this package reads {VERSION}')
+        _known_keys("the map source", content, KEYS)
         name = content.get("name")
-        if not isinstance(name, str) or not name or name.split() != [name]:
+        if not isinstance(name, str) or not _is_word(name):
             raise ValueError(f'"name" must be one word, not {name!r}')
         arms = {key: _arm(key, value) for key, value in _table(content, "arms").items()}
         lanes = {key: _lane(key, value) for key, value in _table(content, "lanes").items()}
@@ -109,15 +114,8 @@ class MapSource:
         routes = tuple(_route(key, value, arms, lanes) for key, value in _table(content, "routes").items())
         if not routes:
             raise ValueError('"routes" is empty')
-        locations = content.get("locations", [])
-        if not isinstance(locations, list) or not all(isinstance(one, int) for one in locations):
-            raise ValueError(f'"locations" must be a list of integers, not {locations!r}')
-        known = {route.id for route in routes}
-        yields = content.get("yields", [])
-        for pair in yields:
-            if not isinstance(pair, list) or len(pair) != 2 or not set(pair) <= known:
-                raise ValueError(f'"yields" must hold pairs of route ids, not {pair!r}')
-        return cls(name, tuple(locations), arms, lanes, stop_lines, routes, frozenset((a, b) for a, b in yields))
+        yields = _yields(content.get("yields", []), {route.id for route in routes})
+        return cls(name, _locations(content.get("locations", [])), arms, lanes, stop_lines, routes, yields)
 
     def pieces(self, route: RouteSource) -> list[Piece]:
         """The route's lanes and the curves between them, in driving order and without gaps."""
@@ -199,6 +197,25 @@ def _heading_out(lane: Lane) -> float:
     return float(np.arctan2(step[1], step[0]))
 
 
+def _object(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    content: dict[str, Any] = {}
+    for key, value in pairs:
+        if key in content:
+            raise ValueError(f'"{key}" is there twice in one object')
+        content[key] = value
+    return content
+
+
+def _is_word(text: str) -> bool:
+    return text.split() == [text] and text.isprintable()
+
+
+def _known_keys(where: str, value: dict[str, Any], known: tuple[str, ...]) -> None:
+    for key in value:
+        if key not in known:
+            raise ValueError(f'{where} has an unknown key "{key}"; wanted {", ".join(known)}')
+
+
 def _table(content: dict[str, Any], key: str) -> dict[str, Any]:
     value = content.get(key)
     if not isinstance(value, dict):
@@ -206,15 +223,30 @@ def _table(content: dict[str, Any], key: str) -> dict[str, Any]:
     return value
 
 
+def _check_object(where: str, value: Any, known: tuple[str, ...]) -> None:
+    if not isinstance(value, dict):
+        raise ValueError(f"{where} must be an object, not {type(value).__name__}")
+    _known_keys(where, value, known)
+
+
 def _points(where: str, value: Any, least: int, most: int | None = None) -> Points:
     try:
-        points = np.array(value, dtype=np.float64)
-    except (TypeError, ValueError):
-        raise ValueError(f"{where} must be a list of [x, y]") from None
+        points = np.array(value)
+    except ValueError:  # rows of different lengths
+        points = np.array(None)
+    if points.dtype.kind not in "if":  # words, objects, whole numbers beyond 64 bits
+        raise ValueError(f"{where} must be a list of [x, y]")
+    points = points.astype(np.float64)
     if points.ndim != 2 or points.shape[1] != 2 or len(points) < least or (most and len(points) > most):
         raise ValueError(f"{where} must be at least {least} points [x, y], not an array of shape {points.shape}")
     if not np.isfinite(points).all() or (np.linalg.norm(np.diff(points, axis=0), axis=1) < 1e-3).any():
         raise ValueError(f"{where} must hold finite points, each apart from the one before")
+    far = np.flatnonzero((np.abs(points) > LARGEST).any(axis=1))
+    if len(far):
+        x, y = points[far[0]]
+        raise ValueError(
+            f"{where} holds [{x:g}, {y:g}]; wanted local metres, at most {LARGEST:g} from 0 (more is another origin)"
+        )
     return points
 
 
@@ -225,17 +257,21 @@ def _positive(where: str, value: Any) -> float:
 
 
 def _arm(key: str, value: Any) -> Arm:
-    right = value.get("right_of_way") if isinstance(value, dict) else None
+    where = f'arm "{key}"'
+    if not _is_word(key) or "-" in key:
+        raise ValueError(f'{where} must be named by one word without "-": routes are named "SW-NE"')
+    _check_object(where, value, ("right_of_way", "speed_limit_kmh"))
+    right = value.get("right_of_way")
     if right not in RIGHTS_OF_WAY:
-        raise ValueError(f'arm "{key}": "right_of_way" must be one of {RIGHTS_OF_WAY}, not {right!r}')
-    return Arm(right, _positive(f'arm "{key}": "speed_limit_kmh"', value.get("speed_limit_kmh")) / 3.6)
+        raise ValueError(f'{where}: "right_of_way" must be one of {RIGHTS_OF_WAY}, not {right!r}')
+    return Arm(right, _positive(f'{where}: "speed_limit_kmh"', value.get("speed_limit_kmh")) / 3.6)
 
 
 def _lane(key: str, value: Any) -> Lane:
-    if not isinstance(value, dict):
-        raise ValueError(f'lane "{key}" must be an object')
-    points = _points(f'lane "{key}": "points"', value.get("points"), 2)
-    return Lane(points, _positive(f'lane "{key}": "width"', value.get("width")))
+    where = f'lane "{key}"'
+    _check_object(where, value, ("width", "points"))
+    points = _points(f'{where}: "points"', value.get("points"), 2)
+    return Lane(points, _positive(f'{where}: "width"', value.get("width")))
 
 
 def _stop_line(key: str, value: Any, lanes: dict[str, Lane]) -> Points:
@@ -248,8 +284,31 @@ def _route(key: str, value: Any, arms: dict[str, Arm], lanes: dict[str, Lane]) -
     entry, dash, leave = key.partition("-")
     if not dash or entry not in arms or leave not in arms or entry == leave:
         raise ValueError(f'route "{key}" must be named by two arms, as "SW-NE"; arms: {", ".join(arms)}')
+    _check_object(f'route "{key}"', value, ("approach", "exit"))
     for part in ("approach", "exit"):
-        names = value.get(part) if isinstance(value, dict) else None
-        if not isinstance(names, list) or not names or not all(name in lanes for name in names):
+        names = value.get(part)
+        if not isinstance(names, list) or not names or not all(isinstance(one, str) and one in lanes for one in names):
             raise ValueError(f'route "{key}": "{part}" must be a list of lanes, not {names!r}')
     return RouteSource(key, entry, leave, tuple(value["approach"]), tuple(value["exit"]))
+
+
+def _locations(value: Any) -> tuple[int, ...]:
+    if not isinstance(value, list) or not all(type(one) is int and 0 <= one <= MOST_LOCATION for one in value):
+        raise ValueError(f'"locations" must be a list of integers from 0 to {MOST_LOCATION}, not {value!r}')
+    return tuple(value)
+
+
+def _yields(value: Any, known: set[str]) -> frozenset[tuple[str, str]]:
+    if not isinstance(value, list):
+        raise ValueError(f'"yields" must be a list of pairs of route ids, not {value!r}')
+    pairs: set[tuple[str, str]] = set()
+    for pair in value:
+        if not isinstance(pair, list) or len(pair) != 2 or not all(isinstance(id, str) and id in known for id in pair):
+            raise ValueError(f'"yields" must hold pairs of route ids, not {pair!r}')
+        first, second = pair
+        if first == second:
+            raise ValueError(f'"yields" says that route "{first}" yields to itself')
+        if (second, first) in pairs:
+            raise ValueError(f'"yields" says that routes "{first}" and "{second}" each yield to the other')
+        pairs.add((first, second))
+    return frozenset(pairs)

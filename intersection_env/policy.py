@@ -2,41 +2,27 @@
 
 from __future__ import annotations
 
+import json
 import zlib
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from intersection_env import _core
 from intersection_env.files import written_whole
-from intersection_env.predictor import DT
 
 MAGIC, VERSION = "intersection_env policy", 1
-GAP_FEATURES = (
-    "yielder_distance_to_pga_m",
-    "yielder_speed_mps",
-    "foe_distance_to_stop_line_m",
-    "foe_speed_mps",
-)
-DRIVING_FEATURES = (
-    "distance_to_stop_line_m",
-    "speed_mps",
-    "speed_limit_mps",
-    "relative_heading_-10m_rad",
-    "relative_heading_-3m_rad",
-    "relative_heading_3m_rad",
-    "relative_heading_10m_rad",
-    "relative_heading_30m_rad",
-    "relative_heading_100m_rad",
-    "lead_distance_m",
-    "lead_speed_mps",
-    "enters",
-)
+DT: float = round(_core.DT, 6)
+"""Step of every prediction [s]; paper, Section IV-B."""
+GAP_FEATURES = tuple(_core.gap_features())
+DRIVING_FEATURES = tuple(_core.driving_features())
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class NetworkWeights:
     """A network IN/16/16/1.
 
@@ -49,7 +35,7 @@ class NetworkWeights:
     layers: Sequence[tuple[NDArray[np.float32], NDArray[np.float32]]]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class PolicyFile:
     """What a policy file holds. A network is there exactly where `gap` or `driver` says "network"."""
 
@@ -59,10 +45,37 @@ class PolicyFile:
     driving_network: NetworkWeights | None = None
     acceleration_scale: float = 6.0
     """[m/s²] at a driving network's output of 1."""
+    about: Mapping[str, Any] = field(default_factory=dict)
+    """Provenance and scores, as JSON holds them."""
+
+    @classmethod
+    def read(cls, path: str | Path) -> PolicyFile:
+        """The file at `path`.
+
+        Raises:
+            ValueError: it is damaged, or made for something else; the message says what.
+            OSError: it cannot be read.
+        """
+        try:
+            return cls.parse(Path(path).read_text(encoding="utf-8"), str(path))
+        except UnicodeDecodeError as error:
+            raise ValueError(f"{path}: is not text: {error}") from None
+
+    @classmethod
+    def parse(cls, text: str, where: str) -> PolicyFile:
+        """The content of a policy file's text, named `where` in errors; raises as `read` does."""
+        about = _core.Policy(text, where).about  # the core is the judge; what it lets pass is well-formed
+        lines = iter(text.splitlines()[2:])
+        value = {key: next(lines).split(" ")[1] for key in ("dt", "acceleration_scale", "gap", "driver")}
+        gap = _network_from(lines, len(GAP_FEATURES)) if value["gap"] == "network" else None
+        driving = _network_from(lines, len(DRIVING_FEATURES)) if value["driver"] == "network" else None
+        scale = float(value["acceleration_scale"])
+        return cls(value["gap"], value["driver"], gap, driving, scale, json.loads(about))
 
     def text(self) -> str:
         """The file's text, checksum included; floats with nine digits, an exact float32 round trip."""
-        lines = [f"{MAGIC} {VERSION}", f"dt {DT:.9g}", f"acceleration_scale {self.acceleration_scale:.9g}"]
+        lines = [f"{MAGIC} {VERSION}", f"about {json.dumps(self.about, sort_keys=True)}"]
+        lines += [f"dt {DT:.9g}", f"acceleration_scale {self.acceleration_scale:.9g}"]
         lines += [f"gap {self.gap}", f"driver {self.driver}"]
         if self.gap_network is not None:
             lines += _network_lines(GAP_FEATURES, self.gap_network)
@@ -89,6 +102,20 @@ def _network_lines(features: Sequence[str], network: NetworkWeights) -> list[str
         lines.append(f"bias {_numbers(bias)}")
         lines += [_numbers(row) for row in weight]
     return lines
+
+
+def _network_from(lines: Iterator[str], inputs: int) -> NetworkWeights:
+    def numbers(line: str, skip: int = 0) -> NDArray[np.float32]:
+        return np.array(line.split(" ")[skip:], dtype=np.float32)
+
+    next(lines)  # inputs
+    scaling = np.stack([numbers(next(lines), 1) for _ in range(inputs)])
+    layers = []
+    for _ in range(3):
+        outputs = int(next(lines).split(" ")[1])
+        bias = numbers(next(lines), 1)
+        layers.append((np.stack([numbers(next(lines)) for _ in range(outputs)]), bias))
+    return NetworkWeights(scaling[:, 0].copy(), scaling[:, 1].copy(), layers)
 
 
 def _numbers(values: Iterable[np.float32]) -> str:

@@ -11,17 +11,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from intersection_env import _core
+from intersection_env.policy import DT as DT
+from intersection_env.policy import PolicyFile
 from intersection_env.traffic import Traffic, naming
 
-DT: float = round(_core.DT, 6)
-"""Step of every prediction [s]; paper, Section IV-B."""
 STEPS: int = _core.STEPS
 RULES = ("idm", "constant_velocity")
+POLICIES = Path(__file__).parent / "policies"
 
 Priorities = Sequence[tuple[str, str]] | NDArray[np.int8]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Summary:
     """What planners compare.
 
@@ -35,7 +36,7 @@ class Summary:
     minimum_distance: NDArray[np.float32]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Prediction:
     """Trajectories and their summary.
 
@@ -58,7 +59,7 @@ class Prediction:
     minimum_distance: NDArray[np.float32]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Observation:
     """What the networks see at one moment; paper, Table I.
 
@@ -77,30 +78,42 @@ class Observation:
 class Predictor:
     """A policy that predicts traffic on any map."""
 
-    def __init__(self, policy: _core.Policy, name: str) -> None:
-        """Wraps a policy of the core (use `load`)."""
+    def __init__(self, policy: PolicyFile, name: str) -> None:
+        """A predictor by this policy (`load` knows those that ship)."""
         self.name = name
-        self._policy = policy
+        self.policy = policy
+        self._policy = _core.Policy(policy.text(), name)
         self._bound: dict[str, _core.Predictor] = {}
 
     @classmethod
-    def load(cls, policy: str | Path = "idm", *, gap: str = "critical_gap") -> Predictor:
-        """A rule (`"idm"`, `"constant_velocity"`) or a policy file (`.policy`).
+    def load(cls, policy: str | Path = "gap", *, gap: str | None = None) -> Predictor:
+        """A policy that ships, a rule (`"idm"`, `"constant_velocity"`) or a policy file (`.policy`).
+
+        `"gap"`: a network decides about gaps, the IDM drives; trained on the simulated recordings.
 
         Args:
             policy: a name or a path.
-            gap: for rules, who accepts a gap: `"critical_gap"` (6 s crossing, 4 s merging) or `"sumo"`.
+            gap: for rules only, who accepts a gap: `"critical_gap"` (default; 6 s crossing, 4 s merging) or `"sumo"`.
 
         Raises:
-            ValueError: an unknown name, or a policy file that is damaged or made for something else.
+            ValueError: an unknown name, a policy file that is damaged or made for something else, or a `gap` for a
+                policy that brings its own.
             OSError: the file cannot be read.
         """
         if str(policy) in RULES:
-            return cls(_core.Policy.rules(gap, str(policy)), str(policy))
+            if gap == "network":
+                raise ValueError(f'"{policy}" has no gap network; gap must be "critical_gap" or "sumo"')
+            return cls(PolicyFile(gap or "critical_gap", str(policy)), str(policy))
+        if gap is not None:
+            raise ValueError(f'gap belongs to the rules {", ".join(RULES)}; the policy "{policy}" brings its own')
         path = Path(policy)
         if path.suffix != ".policy":
-            raise ValueError(f'no policy "{policy}": the names are {", ".join(RULES)}, and files end in .policy')
-        return cls(_core.Policy(path.read_text(encoding="utf-8"), str(path)), path.stem)
+            shipped = sorted(file.stem for file in POLICIES.glob("*.policy"))
+            if str(policy) not in shipped:
+                names = ", ".join((*shipped, *RULES))
+                raise ValueError(f'no policy "{policy}": the names are {names}, and files end in .policy')
+            path = POLICIES / f"{policy}.policy"
+        return cls(PolicyFile.read(path), path.stem)
 
     @overload
     def predict(
@@ -153,6 +166,9 @@ class Predictor:
     def __repr__(self) -> str:
         return f"Predictor({self.name!r})"
 
+    def __reduce__(self) -> tuple[type[Predictor], tuple[PolicyFile, str]]:
+        return Predictor, (self.policy, self.name)
+
 
 def as_assignments(traffic: Traffic, priorities: Priorities | None) -> NDArray[np.int8]:
     """Priorities in any of their forms as int8 (scenario, pair).
@@ -173,6 +189,6 @@ def as_assignments(traffic: Traffic, priorities: Priorities | None) -> NDArray[n
             f"priorities must have shape (scenario, {len(traffic.conflicts)}), one column a conflict,"
             f" not {priorities.shape}"
         )
-    if (np.abs(priorities) > 1).any():
+    if ((priorities < -1) | (priorities > 1)).any():
         raise ValueError("priorities must be +1 (yielder first), -1 (prioritized first) or 0")
     return np.ascontiguousarray(priorities)

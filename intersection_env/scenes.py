@@ -20,7 +20,7 @@ from intersection_env.traffic import Traffic
 __all__ = ["SPLITS", "Scene", "Scenes", "Track"]
 
 RECORDED = Path(__file__).parent / "recorded"
-BICYCLE_MAX_SPEED = 5.0  # [m/s], ours: design.md, 6.1; what a cyclist takes for v_max
+BICYCLE_MAX_SPEED = 5.0  # [m/s], ours: a brisk cyclist on the level (18 km/h); what a cyclist takes for v_max
 
 
 @dataclass(frozen=True, eq=False)

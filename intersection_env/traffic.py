@@ -31,9 +31,9 @@ class Vehicle(NamedTuple):
     max_speed: float = float("inf")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Traffic:
-    """Vehicles on the routes of an intersection, at one moment.
+    """Vehicles on the routes of an intersection, at one moment. The arrays are copied, and read-only.
 
     Args:
         intersection: the map.
@@ -45,7 +45,7 @@ class Traffic:
         max_speed: (vehicle,) float32, each vehicle's own top speed [m/s]; unbounded by default. Bicycles: 5.
 
     Raises:
-        TypeError: an array of another dtype.
+        TypeError: an array of another dtype, or an id that is no string.
         ValueError: shapes that differ, a value out of range, an id twice, vehicles that overlap.
     """
 
@@ -65,10 +65,13 @@ class Traffic:
         if self.max_speed is None:
             object.__setattr__(self, "max_speed", np.full(len(self.ids), np.inf, np.float32))
         self._check_arrays()
+        for name in ("route", *FLOAT_FIELDS):
+            own = np.array(getattr(self, name), order="C")
+            own.setflags(write=False)
+            object.__setattr__(self, name, own)
         core_map = self.intersection.core
-        arrays = (np.ascontiguousarray(getattr(self, name)) for name in ("route", *FLOAT_FIELDS))
         with naming(self.ids):
-            core = _core.Traffic(core_map, *arrays)
+            core = _core.Traffic(core_map, *(getattr(self, name) for name in ("route", *FLOAT_FIELDS)))
         touching = _core.closest(core_map, core)
         if touching is not None and touching[0] < 0.0:
             raise ValueError(f"vehicles {self.ids[touching[1]]} and {self.ids[touching[2]]} overlap")
@@ -83,6 +86,9 @@ class Traffic:
                 raise TypeError(f"{name} must be an array of {wanted.__name__}, not {came}")
             if array.shape != (len(self.ids),):
                 raise ValueError(f"{name} must have shape ({len(self.ids)},), one entry an id, not {array.shape}")
+        for one in self.ids:
+            if not isinstance(one, str):
+                raise TypeError(f"ids must be strings, not {one!r}")
         twice = [one for one in self.ids if self.ids.count(one) > 1]
         if twice:
             raise ValueError(f'the id "{twice[0]}" names two vehicles')
@@ -112,7 +118,10 @@ class Traffic:
             ValueError: an unknown vehicle, or two vehicles that do not conflict.
         """
         assignment = np.zeros(len(self.conflicts), np.int8)
-        for first_id, second_id in priorities:
+        for pair in priorities:
+            if not isinstance(pair, tuple) or len(pair) != 2:
+                raise ValueError(f"priorities must be pairs (first, second) of vehicle ids, not {pair!r}")
+            first_id, second_id = pair
             first, second = self.index(first_id), self.index(second_id)
             yields = (self.conflicts == (first, second)).all(axis=1)
             has_priority = (self.conflicts == (second, first)).all(axis=1)

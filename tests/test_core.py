@@ -143,7 +143,7 @@ def test_a_scenario_does_not_depend_on_its_neighbours(seed: int) -> None:
 
 def test_v3_and_v4_give_the_same_bytes() -> None:
     if not {"v3", "v4"} <= set(_core.available_kernels()):
-        return
+        pytest.skip("this machine has no AVX-512: there is nothing to compare")
     for seed in range(10):
         traffic, _ = random_case("bendplatz", 6000 + seed)
         gap, driving = random_networks(np.random.default_rng(seed))

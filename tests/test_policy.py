@@ -8,8 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from intersection_env import Predictor
+from intersection_env import Predictor, _core
 from intersection_env.policy import PolicyFile
+from tests import reference
 from tests.test_core import weights
 from tests.twins import random_case, random_networks
 
@@ -37,6 +38,32 @@ def test_floats_keep_every_bit() -> None:
     np.testing.assert_array_equal(np.array(written), driving.layers[1][0])
 
 
+def test_policy_file_round_trip_is_exact(tmp_path: Path) -> None:
+    gap, driving = random_networks(np.random.default_rng(1))
+    written = PolicyFile("network", "network", weights(gap), weights(driving), 5.5, {"made_by": "a test", "score": 0.1})
+    written.save(tmp_path / "a.policy")
+    read = PolicyFile.read(tmp_path / "a.policy")
+    assert read.text() == written.text()
+    assert read.about == written.about
+    assert read.gap_network is not None
+    np.testing.assert_array_equal(read.gap_network.shift, weights(gap).shift)
+    PolicyFile("sumo", "idm").save(tmp_path / "b.policy")
+    assert PolicyFile.read(tmp_path / "b.policy").text() == PolicyFile("sumo", "idm").text()
+
+
+def test_core_evaluates_the_networks_as_the_twin_does() -> None:
+    gap, driving = random_networks(np.random.default_rng(2))
+    core = _core.Policy(PolicyFile("network", "network", weights(gap), weights(driving)).text(), "test")
+    features = np.random.default_rng(3).normal(0, 5, (33, 4)).astype(np.float32)
+    truth = [reference.evaluate(gap, row.astype(np.float64), "leaky_relu") for row in features]
+    np.testing.assert_allclose(core.evaluate_gap(features), truth, atol=1e-5)
+    features = np.random.default_rng(4).normal(0, 5, (33, 12)).astype(np.float32)
+    truth = [reference.evaluate(driving, row.astype(np.float64), "tanh") for row in features]
+    np.testing.assert_allclose(core.evaluate_driving(features), truth, atol=1e-5)
+    with pytest.raises(ValueError, match=r"features \(row, 4\) are wanted"):
+        core.evaluate_gap(features)
+
+
 def rewritten(old: str, new: str) -> str:
     text = policy().text()
     assert old in text
@@ -62,6 +89,8 @@ def rewritten(old: str, new: str) -> str:
         (rewritten("layer 16 16", "layer 16 17"), "16 outputs and 16 inputs was expected"),
         (rewritten("bias ", "bias inf "), "16 numbers were expected, not 17"),
         (rewritten("policy 1", "policy 3"), 'version "3"'),
+        (rewritten("yielder_speed_mps ", "yielder_speed_mps 3e38 "), "2 numbers were expected, not 3"),
+        (rewritten("layer 1 16\nbias ", "layer 1 16\nbias 3e38"), "a weight must be below|a finite number"),
     ],
 )
 def test_damaged_policy_file_is_refused_by_name_of_what_is_wrong(tmp_path: Path, text: str, message: str) -> None:
@@ -73,9 +102,20 @@ def test_damaged_policy_file_is_refused_by_name_of_what_is_wrong(tmp_path: Path,
 
 
 def test_unknown_policy_names_what_there_is() -> None:
-    with pytest.raises(ValueError, match='no policy "hero": the names are idm, constant_velocity'):
+    with pytest.raises(ValueError, match='no policy "hero": the names are gap, idm, constant_velocity'):
         Predictor.load("hero")
     with pytest.raises(FileNotFoundError):
         Predictor.load("missing.policy")
     with pytest.raises(ValueError, match='gap must be "critical_gap"'):
         Predictor.load("idm", gap="courage")
+    with pytest.raises(ValueError, match='"idm" has no gap network'):
+        Predictor.load("idm", gap="network")
+    with pytest.raises(ValueError, match='the policy "gap" brings its own'):
+        Predictor.load("gap", gap="sumo")
+
+
+def test_policy_file_that_is_no_text_is_named(tmp_path: Path) -> None:
+    path = tmp_path / "binary.policy"
+    path.write_bytes(b"\x80\x81\x82")
+    with pytest.raises(ValueError, match=r"binary\.policy: is not text"):
+        Predictor.load(path)

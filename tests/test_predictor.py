@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from intersection_env import Intersection, Predictor, Traffic, Vehicle, rank_maneuvers
+from intersection_env import Intersection, Predictor, Traffic, Vehicle, crossing_orders, rank_maneuvers
 from intersection_env.metrics import crossing_order, error_figures, time_loss
 from tests.single_lane import single_lane_source
 from tests.twins import random_case
@@ -157,8 +157,11 @@ def test_empty_traffic_is_predicted() -> None:
     assert len(rank_maneuvers(Predictor.load("idm"), Traffic.of(T, []))) == 2
 
 
-def test_traffic_survives_pickling() -> None:
+def test_traffic_and_predictor_survive_pickling() -> None:
     traffic = pickle.loads(pickle.dumps(busy()))
+    for one in (Predictor.load(), Predictor.load("idm", gap="sumo")):
+        other = pickle.loads(pickle.dumps(one))
+        np.testing.assert_array_equal(other.predict(traffic).position, one.predict(busy()).position)
     np.testing.assert_array_equal(traffic.conflicts, busy().conflicts)
 
 
@@ -184,6 +187,8 @@ def test_wrong_traffic_is_refused(changes: dict[str, Any], error: type[Exception
 
 
 def test_an_id_names_one_vehicle() -> None:
+    with pytest.raises(TypeError, match="ids must be strings, not 3"):
+        Traffic(T, (3, 4), **arrays())  # type: ignore[arg-type]
     with pytest.raises(ValueError, match='the id "x" names two vehicles'):
         Traffic(T, ("x", "x"), **arrays())
 
@@ -206,6 +211,9 @@ def test_more_vehicles_than_a_traffic_may_hold_are_refused() -> None:
         (np.zeros(18, np.int8), ValueError, r"must have shape \(scenario, 19\)"),
         (np.zeros((1, 18), np.int8), ValueError, r"must have shape \(scenario, 19\)"),
         (np.full((1, 19), 2, np.int8), ValueError, r"must be \+1"),
+        (np.full((1, 19), -128, np.int8), ValueError, r"must be \+1"),
+        (("a", "c"), ValueError, r"must be pairs \(first, second\) of vehicle ids, not 'a'"),
+        ([("a", "c", "e")], ValueError, r"must be pairs \(first, second\)"),
     ],
 )
 def test_wrong_priorities_are_refused(priorities: Any, error: type[Exception], message: str) -> None:
@@ -218,6 +226,29 @@ def test_ranking_refuses_strangers_and_no_limit() -> None:
         rank_maneuvers(Predictor.load("idm"), busy(), cooperative=["z"])
     with pytest.raises(ValueError, match="limit must be at least 1, not 0"):
         rank_maneuvers(Predictor.load("idm"), busy(), limit=0)
+
+
+def test_orders_refuse_what_they_cannot_use() -> None:
+    traffic = busy()
+    with pytest.raises(TypeError, match='collection of vehicle ids, not the one id "a"'):
+        rank_maneuvers(Predictor.load("idm"), traffic, cooperative="a")
+    with pytest.raises(ValueError, match="batch must be at least 1, not 0"):
+        next(crossing_orders(traffic, batch=0))
+    with pytest.raises(TypeError, match="preferred must be int8, not float64"):
+        next(crossing_orders(traffic, preferred=np.zeros(19)))  # type: ignore[arg-type]
+    with pytest.raises(ValueError, match=r"preferred must have shape \(19,\)"):
+        next(crossing_orders(traffic, preferred=np.zeros(3, np.int8)))
+
+
+def test_traffic_keeps_its_own_arrays() -> None:
+    position = np.array([50.0, 100.0], np.float32)
+    traffic = Traffic(T, ("x", "y"), **arrays(position=position))
+    position[0] = 5.0
+    assert traffic.position[0] == 50.0
+    with pytest.raises(ValueError, match="read-only"):
+        traffic.position[0] = 1.0
+    assert traffic == traffic
+    assert len({traffic}) == 1
 
 
 def test_error_figures_by_hand() -> None:

@@ -50,7 +50,7 @@ def random_assignment(traffic: Traffic, generator: np.random.Generator) -> NDArr
     preferred = generator.choice(np.array([-1, 1], np.int8), len(traffic.conflicts))
     cooperative = generator.integers(0, 2, len(traffic)).astype(np.uint8)
     orders = _core.Orders(traffic.intersection.core, traffic.core, cooperative, preferred)
-    found = orders.next(len(traffic.conflicts), 1)
+    found = orders.next(1)
     return found if len(found) else np.zeros((1, len(traffic.conflicts)), np.int8)
 
 

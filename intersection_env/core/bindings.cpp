@@ -138,6 +138,26 @@ std::tuple<Floats, Floats, Flags> observe(const Predictor& predictor, const Traf
     return std::make_tuple(driving, gap, accepts);
 }
 
+// One network's outputs before the last activation, for rows of features.
+Floats evaluate_gap(const Policy& policy, const Table<float>& features) {
+    if (!policy.gap_network || features.shape(1) != GAP_INPUTS) {
+        throw std::invalid_argument("a policy with a gap network and features (row, 4) are wanted");
+    }
+    auto out = make<float>({features.shape(0)});
+    kernel().evaluate_gap(*policy.gap_network, features.data(), static_cast<long>(features.shape(0)), out.data());
+    return out;
+}
+
+Floats evaluate_driving(const Policy& policy, const Table<float>& features) {
+    if (!policy.driving_network || features.shape(1) != DRIVING_INPUTS) {
+        throw std::invalid_argument("a policy with a driving network and features (row, 12) are wanted");
+    }
+    auto out = make<float>({features.shape(0)});
+    kernel().evaluate_driving(*policy.driving_network, features.data(), static_cast<long>(features.shape(0)),
+                              out.data());
+    return out;
+}
+
 Orders make_orders(const Map& map, const Traffic& traffic, const Vector<std::uint8_t>& cooperative,
                    const Vector<std::int8_t>& preferred) {
     const std::vector<Pair> pairs = find_conflicts(map, traffic);
@@ -156,7 +176,17 @@ NB_MODULE(_core, m) {
     m.attr("STEPS") = STEPS;
     m.attr("MAX_VEHICLES") = MAX_VEHICLES;
     m.attr("BRAKING") = BRAKING;
+    m.attr("LEAST_SIZE") = LEAST_SIZE;
+    m.attr("MOST_LENGTH") = MOST_LENGTH;
+    m.attr("MOST_WIDTH") = MOST_WIDTH;
+    m.attr("MOST_SPEED") = MOST_SPEED;
     m.def("available_kernels", &available_kernels, "The instruction sets of this machine's kernels, best last.");
+    m.def(
+        "gap_features", [] { return std::vector<std::string>(GAP_FEATURES.begin(), GAP_FEATURES.end()); },
+        "The gap network's inputs, by name and unit.");
+    m.def(
+        "driving_features", [] { return std::vector<std::string>(DRIVING_FEATURES.begin(), DRIVING_FEATURES.end()); },
+        "The driving network's inputs, by name and unit.");
     m.def("kernel_name", [] { return kernel().name; }, "The kernel in use.");
 
     nb::class_<Route>(m, "Route")
@@ -237,29 +267,25 @@ NB_MODULE(_core, m) {
         .def(nb::new_(&make_orders), "map"_a, "traffic"_a, "cooperative"_a.noconvert(), "preferred"_a.noconvert())
         .def(
             "next",
-            [](Orders& orders, std::size_t pairs, std::size_t most) {
+            [](Orders& orders, std::size_t most) {
+                const std::size_t pairs = orders.pair_count();
                 std::vector<std::int8_t> buffer(most * pairs + 1);
                 const std::size_t count = orders.next(buffer.data(), most);
                 auto array = make<std::int8_t>({count, pairs});
                 std::copy_n(buffer.data(), count * pairs, array.data());
                 return array;
             },
-            "pairs"_a, "most"_a, "(order, pair): up to `most` further orders.")
-        .def("count_remaining", &Orders::count_remaining, "most"_a, nb::call_guard<nb::gil_scoped_release>());
+            "most"_a, "(order, pair): up to `most` further orders.")
+        .def("count_remaining", &Orders::count_remaining, "most"_a, "How many are left, counted up to `most`.");
 
     nb::class_<Policy>(m, "Policy")
         .def(nb::new_(
                  [](std::string text, std::string where) { return Policy::parse(std::move(text), std::move(where)); }),
              "text"_a, "where"_a, "Reads the text of a policy file, named `where` in errors; raises FormatError.")
-        .def_static(
-            "rules",
-            [](const std::string& gap, const std::string& driver) {
-                Policy policy;
-                policy.gap = gap_named(gap);
-                policy.driver = driver_named(driver);
-                return policy;
-            },
-            "gap"_a, "driver"_a, "A policy without networks.");
+        .def_ro("about", &Policy::about, "Provenance and scores, JSON.")
+        .def("evaluate_gap", &evaluate_gap, "features"_a.noconvert(), "(row,): logits of accepting the gap.")
+        .def("evaluate_driving", &evaluate_driving, "features"_a.noconvert(),
+             "(row,): the driving network's output before its last tanh.");
 
     nb::class_<Predictor>(m, "Predictor")
         .def(nb::init<std::shared_ptr<const Map>, Policy>(), "map"_a, "policy"_a)

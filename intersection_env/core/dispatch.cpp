@@ -54,7 +54,7 @@ const Kernel& kernel_named(const std::string& name) {
         }
         known += std::string(known.empty() ? "" : ", ") + one->name;
     }
-    throw std::runtime_error("instruction set \"" + name + "\" is not one this machine has: " + known);
+    throw std::invalid_argument("instruction set \"" + name + "\" is not one this machine has: " + known);
 }
 
 const Kernel& kernel() {

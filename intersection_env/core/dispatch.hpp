@@ -17,10 +17,13 @@ struct Kernel {
     Workspace* (*create)();
     void (*destroy)(Workspace*);
     void (*run)(const Problem&, const BlockArguments&, Workspace&);
+    // out: (rows,) the network's output before its last activation; in: (rows, inputs).
+    void (*evaluate_gap)(const GapNetwork&, const float* in, long rows, float* out);
+    void (*evaluate_driving)(const DrivingNetwork&, const float* in, long rows, float* out);
     void (*observe)(const Problem&, const ObservationArguments&, Workspace&);
 };
 
-// Throws std::runtime_error where the override names an instruction set that is unknown or not here.
+// Throws std::invalid_argument where the override names an instruction set that is unknown or not here.
 const Kernel& kernel();
 const Kernel& kernel_named(const std::string& name);
 std::vector<std::string> available_kernels();

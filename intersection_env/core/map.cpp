@@ -68,6 +68,14 @@ Map Map::parse(std::string text, std::string where) {
         if (!(route.length > 0.0F) || covered < route.length - 1e-3F || covered > route.length + map.spacing) {
             reader.fail("the samples of route \"" + route.id + "\" do not cover its length");
         }
+        if (!(route.stop_line >= 0.0F && route.stop_line <= route.length)) {
+            reader.fail("the stop line of route \"" + route.id + "\" does not lie on it");
+        }
+        for (std::size_t other = 0; other + 1 < map.routes.size(); ++other) {
+            if (map.routes[other].id == route.id) {
+                reader.fail("two routes are named \"" + route.id + "\"");
+            }
+        }
     }
     const int last = static_cast<int>(routes) - 1;
     const std::int64_t pairs = routes * routes;
@@ -88,17 +96,20 @@ Map Map::parse(std::string text, std::string where) {
                                 interval(reader, row[2], row[3]), interval(reader, row[4], row[5])});
     }
     reader.finish();
-    map.index();
+    map.index(reader);
     return map;
 }
 
-void Map::index() {
+void Map::index(const TextReader& reader) {
     const std::size_t count = routes.size();
-    const auto build = [count](auto& table, const auto& rows, auto first, auto second) {
+    const auto build = [count, &reader](auto& table, const auto& rows, auto first, auto second) {
         table.assign(count * count, -1);
         for (std::size_t k = 0; k < rows.size(); ++k) {
             const std::size_t a = static_cast<std::size_t>(first(rows[k]));
             const std::size_t b = static_cast<std::size_t>(second(rows[k]));
+            if (a == b || table[a * count + b] >= 0) {
+                reader.fail("two different routes make a pair, and each pair stands once in a table");
+            }
             table[a * count + b] = table[b * count + a] = static_cast<int>(k);
         }
     };

@@ -73,7 +73,7 @@ struct Map {
     const Overlap* overlap(int a, int b) const;
 
   private:
-    void index();
+    void index(const class TextReader& reader);
     std::vector<int> conflict_index_, shared_index_, overlap_index_; // (route, route), -1: none
 };
 

@@ -29,6 +29,8 @@ class Orders {
     Orders(const Map& map, const Traffic& traffic, std::span<const Pair> pairs,
            std::span<const std::uint8_t> cooperative, std::span<const std::int8_t> preferred);
 
+    std::size_t pair_count() const { return pairs_.size(); }
+
     // Writes up to `most` further orders, (order, pair); returns how many.
     std::size_t next(std::int8_t* out, std::size_t most);
 

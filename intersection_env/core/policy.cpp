@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <stdexcept>
 
 #include "text_reader.hpp"
@@ -9,33 +10,37 @@
 namespace intersection_env {
 namespace {
 
-constexpr std::array<std::string_view, 4> GAP_FEATURES = {"yielder_distance_to_pga_m", "yielder_speed_mps",
-                                                          "foe_distance_to_stop_line_m", "foe_speed_mps"};
-constexpr std::array<std::string_view, 12> DRIVING_FEATURES = {"distance_to_stop_line_m",
-                                                               "speed_mps",
-                                                               "speed_limit_mps",
-                                                               "relative_heading_-10m_rad",
-                                                               "relative_heading_-3m_rad",
-                                                               "relative_heading_3m_rad",
-                                                               "relative_heading_10m_rad",
-                                                               "relative_heading_30m_rad",
-                                                               "relative_heading_100m_rad",
-                                                               "lead_distance_m",
-                                                               "lead_speed_mps",
-                                                               "enters"};
+constexpr double LARGEST_WEIGHT = 1.0e6; // ours: beyond it sums of the kernel may leave the finite numbers
 
 // x -> (x - shift) * scale becomes part of the first layer, computed in float64.
 template <int INPUTS>
-void fold_scaling(Network<INPUTS>& network, const std::vector<float>& shift, const std::vector<float>& scale) {
+void fold_scaling(const TextReader& reader, Network<INPUTS>& network, const std::vector<float>& shift,
+                  const std::vector<float>& scale) {
+    bool finite = true;
     for (std::size_t o = 0; o < HIDDEN; ++o) {
         double bias = network.bias0[o];
         for (std::size_t i = 0; i < INPUTS; ++i) {
             const double weight = static_cast<double>(network.weight0[o * INPUTS + i]) * scale[i];
             bias -= weight * shift[i];
             network.weight0[o * INPUTS + i] = static_cast<float>(weight);
+            finite = finite && std::abs(weight) < LARGEST_WEIGHT;
         }
         network.bias0[o] = static_cast<float>(bias);
+        finite = finite && std::abs(bias) < LARGEST_WEIGHT;
     }
+    if (!finite) {
+        reader.fail("a weight of the first layer times its input's scale exceeds " + std::to_string(LARGEST_WEIGHT));
+    }
+}
+
+std::vector<float> weights(TextReader& reader, std::string_view key, std::size_t count) {
+    std::vector<float> values = reader.floats(key, count);
+    for (const float value : values) {
+        if (!(std::abs(value) < LARGEST_WEIGHT)) {
+            reader.fail("a weight must be below " + std::to_string(LARGEST_WEIGHT) + " in size");
+        }
+    }
+    return values;
 }
 
 template <int INPUTS>
@@ -56,15 +61,15 @@ Network<INPUTS> read_network(TextReader& reader, const std::array<std::string_vi
             reader.fail("a layer of " + std::to_string(outputs) + " outputs and " + std::to_string(inputs) +
                         " inputs was expected");
         }
-        std::ranges::copy(reader.floats("bias", outputs), bias);
+        std::ranges::copy(weights(reader, "bias", outputs), bias);
         for (std::size_t o = 0; o < outputs; ++o) {
-            std::ranges::copy(reader.floats("", inputs), weight + o * inputs);
+            std::ranges::copy(weights(reader, "", inputs), weight + o * inputs);
         }
     };
     layer(HIDDEN, INPUTS, network.weight0, network.bias0);
     layer(HIDDEN, HIDDEN, network.weight1, network.bias1);
     layer(1, HIDDEN, network.weight2, network.bias2);
-    fold_scaling(network, shift, scale);
+    fold_scaling(reader, network, shift, scale);
     return network;
 }
 
@@ -97,6 +102,7 @@ Policy Policy::read(const std::string& path) { return parse(read_file(path), pat
 Policy Policy::parse(std::string text, std::string where) {
     TextReader reader(std::move(text), std::move(where), "intersection_env policy", 1);
     Policy policy;
+    policy.about = reader.rest_of_line("about");
     const float dt = reader.floats("dt", 1)[0];
     if (dt != DT) {
         reader.fail("dt is " + std::to_string(dt) + " s, the core steps by " + std::to_string(DT) + " s");

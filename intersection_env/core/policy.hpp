@@ -1,6 +1,7 @@
 // What decides and what drives: rules with their parameters, or the two networks from a policy file.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <optional>
 #include <string>
@@ -11,6 +12,22 @@ namespace intersection_env {
 
 constexpr float DT = 0.2F;                                      // [s], paper, Section IV-B
 constexpr int GAP_INPUTS = 4, DRIVING_INPUTS = 12, HIDDEN = 16; // paper, Table III
+
+// The inputs of the networks by name and unit, in order; paper, Table I.
+inline constexpr std::array<std::string_view, 4> GAP_FEATURES = {"yielder_distance_to_pga_m", "yielder_speed_mps",
+                                                                 "foe_distance_to_stop_line_m", "foe_speed_mps"};
+inline constexpr std::array<std::string_view, 12> DRIVING_FEATURES = {"distance_to_stop_line_m",
+                                                                      "speed_mps",
+                                                                      "speed_limit_mps",
+                                                                      "relative_heading_-10m_rad",
+                                                                      "relative_heading_-3m_rad",
+                                                                      "relative_heading_3m_rad",
+                                                                      "relative_heading_10m_rad",
+                                                                      "relative_heading_30m_rad",
+                                                                      "relative_heading_100m_rad",
+                                                                      "lead_distance_m",
+                                                                      "lead_speed_mps",
+                                                                      "enters"};
 
 // IN/16/16/1; weights row by row (output, input). The input scaling is folded into the first layer.
 template <int INPUTS>
@@ -36,6 +53,7 @@ struct IdmParameters {
 };
 
 struct Policy {
+    std::string about = "{}"; // provenance and scores, JSON
     Gap gap = Gap::critical_gap;
     Driver driver = Driver::idm;
     IdmParameters idm;

@@ -82,13 +82,26 @@ void TextReader::fail(const std::string& problem) const {
     throw FormatError(where_ + (line_number_ > 0 ? ":" + std::to_string(line_number_) + ": " : ": ") + problem);
 }
 
-std::vector<std::string_view> TextReader::line(std::string_view key) {
+std::string_view TextReader::whole_line(std::string_view key) {
     ++line_number_;
     if (rest_.empty()) {
         fail("the file ends where \"" + std::string(key) + "\" was expected");
     }
-    std::string_view text = rest_.substr(0, rest_.find('\n'));
+    const std::string_view text = rest_.substr(0, rest_.find('\n'));
     rest_.remove_prefix(text.size() + 1);
+    return text;
+}
+
+std::string TextReader::rest_of_line(std::string_view key) {
+    const std::string_view text = whole_line(key);
+    if (text.substr(0, key.size()) != key || text.size() <= key.size() || text[key.size()] != ' ') {
+        fail("\"" + std::string(key) + "\" was expected, not " + quoted(text));
+    }
+    return std::string(text.substr(key.size() + 1));
+}
+
+std::vector<std::string_view> TextReader::line(std::string_view key) {
+    std::string_view text = whole_line(key);
     std::vector<std::string_view> tokens;
     while (!text.empty()) {
         const std::size_t end = text.find(' ');

@@ -27,6 +27,7 @@ class TextReader {
 
     // Each reads one whole line "<key> <values...>"; an empty key means the line holds values only.
     std::string word(std::string_view key);
+    std::string rest_of_line(std::string_view key); // all that follows the key, blanks included
     std::int64_t count(std::string_view key, std::int64_t least, std::int64_t most);
     std::vector<float> floats(std::string_view key, std::size_t count);
     std::vector<float> counted_floats(std::string_view key, std::size_t most);
@@ -40,6 +41,7 @@ class TextReader {
     [[noreturn]] void fail(const std::string& problem) const;
 
   private:
+    std::string_view whole_line(std::string_view key);
     std::vector<std::string_view> line(std::string_view key); // the tokens after the key
 
     std::string where_;

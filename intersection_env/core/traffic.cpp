@@ -43,9 +43,9 @@ void check(const Map& map, const Traffic& traffic) {
                           std::to_string(map.routes.size()));
         }
         check_number(i, "position", traffic.position[at(i)], 0.0F, map.routes[at(traffic.route[at(i)])].length);
-        check_number(i, "speed", traffic.speed[at(i)], 0.0F, 100.0F);
-        check_number(i, "length", traffic.length[at(i)], 0.1F, 50.0F);
-        check_number(i, "width", traffic.width[at(i)], 0.1F, 10.0F);
+        check_number(i, "speed", traffic.speed[at(i)], 0.0F, MOST_SPEED);
+        check_number(i, "length", traffic.length[at(i)], LEAST_SIZE, MOST_LENGTH);
+        check_number(i, "width", traffic.width[at(i)], LEAST_SIZE, MOST_WIDTH);
         if (!(traffic.max_speed[at(i)] >= 0.1F)) {
             refuse(i, "max_speed must be at least 0.1, not " + std::to_string(traffic.max_speed[at(i)]));
         }

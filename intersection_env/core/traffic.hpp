@@ -11,7 +11,9 @@
 namespace intersection_env {
 
 constexpr int MAX_VEHICLES = 64; // ours: one machine word of bits in the order search
-constexpr float BRAKING = 4.0F;  // [m/s²], paper, Eq. (3): full braking in the reward and the stop-line test
+constexpr float LEAST_SIZE = 0.1F, MOST_LENGTH = 50.0F, MOST_WIDTH = 10.0F; // [m], ours: longer than any road train
+constexpr float MOST_SPEED = 100.0F;                                        // [m/s], ours: faster is a unit mistaken
+constexpr float BRAKING = 4.0F; // [m/s²], paper, Eq. (3): full braking in the reward and the stop-line test
 
 // One entry a vehicle. Positions are arc lengths of vehicle centres [m], speeds [m/s], sizes [m].
 struct Traffic {

@@ -149,12 +149,36 @@ void observe(const Problem& problem, const ObservationArguments& arguments, Work
     }
 }
 
+template <int INPUTS, class Activation>
+void evaluate_rows(const Network<INPUTS>& network, const float* in, long rows, float* out) {
+    for (long first = 0; first < rows; first += WIDTH) {
+        const long used = rows - first < WIDTH ? rows - first : WIDTH;
+        Floats input[INPUTS];
+        for (int i = 0; i < INPUTS; ++i) {
+            input[i] = all(0.0F);
+            for (long l = 0; l < used; ++l) {
+                input[i][l] = in[(first + l) * INPUTS + i];
+            }
+        }
+        const Floats result = evaluate<INPUTS>(network, input, Activation{});
+        for (long l = 0; l < used; ++l) {
+            out[first + l] = result[l];
+        }
+    }
+}
+
 Workspace* create() { return reinterpret_cast<Workspace*>(new Block); }
 void destroy(Workspace* workspace) { delete reinterpret_cast<Block*>(workspace); }
 
 } // namespace
 
-extern const Kernel KERNEL;
-const Kernel KERNEL = {&INTERSECTION_ENV_NAME(INTERSECTION_ENV_ISA)[4], WIDTH, create, destroy, run, observe};
+extern const Kernel KERNEL = {&INTERSECTION_ENV_NAME(INTERSECTION_ENV_ISA)[4],
+                              WIDTH,
+                              create,
+                              destroy,
+                              run,
+                              evaluate_rows<GAP_INPUTS, LeakyRelu>,
+                              evaluate_rows<DRIVING_INPUTS, Tanh>,
+                              observe};
 
 } // namespace intersection_env::INTERSECTION_ENV_ISA

@@ -1,0 +1,1 @@
+"""Learned policies: samples, networks, trainers, baselines, export. Needs the extra `train`."""

@@ -1,0 +1,128 @@
+"""One training run on disk: what it was told, on what data, how it went, and where it stands.
+
+`config.json` is written first; `metrics.jsonl` grows by a line an epoch; `checkpoint.pt` is replaced whole.
+A run killed at any moment resumes from its checkpoint to the same bytes as an unbroken one.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import platform
+from collections.abc import Mapping
+from dataclasses import dataclass
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import torch
+
+from intersection_env.files import written_whole
+
+CONFIG, METRICS, CHECKPOINT = "config.json", "metrics.jsonl", "checkpoint.pt"
+
+
+@dataclass(frozen=True)
+class RunFolder:
+    """The folder of one run; make it with `begin`."""
+
+    path: Path
+
+    @classmethod
+    def begin(cls, path: Path, settings: Mapping[str, Any], data: str, resume: bool) -> RunFolder:
+        """Starts a run in a new folder, or goes on with the one there.
+
+        Args:
+            path: the folder.
+            settings: whatever decides the result, as JSON holds it.
+            data: a hash of the data.
+            resume: whether to go on with a run that is there; without one, a new run starts.
+
+        Raises:
+            ValueError: the folder holds a run and `resume` is False, or that run had other settings or data.
+        """
+        config = path / CONFIG
+        wanted = {"settings": json.loads(json.dumps(settings)), "data_sha256": data}
+        if config.exists():
+            if not resume:
+                raise ValueError(f"{path} holds a run already: choose another --run, or go on with it by --resume")
+            stored = json.loads(config.read_text(encoding="utf-8"))
+            _same(config, {**stored["settings"], "data": stored["data_sha256"]}, {**wanted["settings"], "data": data})
+            return cls(path)
+        versions = {name: version(name) for name in ("intersection_env", "numpy", "torch")}
+        with written_whole(config) as temporary:
+            about = {**wanted, "versions": {"python": platform.python_version(), **versions}}
+            temporary.write_text(json.dumps(about, indent=1) + "\n", encoding="utf-8")
+        return cls(path)
+
+    def append(self, row: Mapping[str, Any]) -> None:
+        """Adds a line to the metrics."""
+        with (self.path / METRICS).open("a", encoding="utf-8") as file:
+            file.write(json.dumps(row) + "\n")
+
+    def save(self, state: Mapping[str, Any]) -> None:
+        """Replaces the checkpoint; `state` has its epoch under "epoch"."""
+        with written_whole(self.path / CHECKPOINT) as temporary:
+            torch.save(dict(state), temporary)
+
+    def load(self) -> dict[str, Any] | None:
+        """The checkpoint, None without one; metrics written after it are dropped, they will come again.
+
+        Raises:
+            ValueError: the checkpoint is damaged.
+        """
+        path, metrics = self.path / CHECKPOINT, self.path / METRICS
+        epoch = 0
+        state: dict[str, Any] | None = None
+        if path.exists():
+            try:
+                state = torch.load(path, weights_only=True)
+                epoch = int(state["epoch"])
+            except Exception as error:  # torch raises whatever its unpickler does
+                raise ValueError(f"{path} is damaged: {error}") from error
+        if metrics.exists():
+            lines = metrics.read_text(encoding="utf-8").splitlines()
+            with written_whole(metrics) as temporary:
+                kept = (line for line in lines if _epoch(line) <= epoch)
+                temporary.write_text("".join(f"{line}\n" for line in kept), encoding="utf-8")
+        return state
+
+
+def file_hash(path: Path) -> str:
+    """SHA-256 of a file."""
+    return hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+def state_hash(state: Any) -> str:
+    """SHA-256 over every tensor and number of a checkpoint, in order."""
+    digest = hashlib.sha256()
+    _feed(digest, state)
+    return digest.hexdigest()
+
+
+def _feed(digest: hashlib._Hash, state: Any) -> None:
+    if isinstance(state, torch.Tensor):
+        digest.update(str(state.dtype).encode() + state.contiguous().numpy().tobytes())
+    elif isinstance(state, Mapping):
+        for key in state:
+            digest.update(repr(key).encode())
+            _feed(digest, state[key])
+    elif isinstance(state, (list, tuple)):
+        for one in state:
+            _feed(digest, one)
+    else:
+        digest.update(repr(state).encode())
+
+
+def _same(config: Path, stored: Mapping[str, Any], wanted: Mapping[str, Any]) -> None:
+    for key in {**stored, **wanted}:
+        if stored.get(key) != wanted.get(key):
+            had, has = stored.get(key), wanted.get(key)
+            raise ValueError(f'{config}: the run there had "{key}" = {had!r}, not {has!r}: it cannot go on so')
+
+
+def _epoch(line: str) -> float:
+    try:
+        return float(json.loads(line)["epoch"])
+    except (ValueError, KeyError, TypeError):
+        return float("inf")  # a line cut short by a kill
