@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import codecs
 import lzma
 from collections.abc import Mapping
 from io import BytesIO
@@ -56,10 +57,10 @@ def _content(path: Path) -> bytes:
     if path.suffix == ".xz":
         try:
             with lzma.open(BytesIO(content)) as file:
-                return file.read()
+                content = file.read()
         except (lzma.LZMAError, EOFError) as error:
             raise ValueError(f"{path}: damaged or truncated: {error}") from None
-    return content
+    return content.removeprefix(codecs.BOM_UTF8)  # spreadsheets write one
 
 
 def _header(path: Path, content: bytes, columns: Mapping[str, type]) -> list[str]:

@@ -17,6 +17,7 @@ from intersection_env import _core
 from intersection_env.intersection import Intersection
 from intersection_env.predictor import DT
 from intersection_env.scenes import Track
+from intersection_env.traffic import naming
 
 NEAR = 35.0  # [m], paper: the field of view reaches this far along the main road; arc length from the junction
 KERB = 0.3  # [m], ours: a pedestrian counts as on the roadway from this far inside the lane's edge
@@ -75,23 +76,33 @@ def overtakings(tracks: Sequence[Track], intersection: Intersection) -> list[Int
 
 
 def touchings(tracks: Sequence[Track], intersection: Intersection) -> list[Interval]:
-    """When two vehicles touch by the core's own measure, which `Traffic` would refuse; above all where paths cross."""
+    """When two vehicles touch by the core's own measure, which `Traffic` would refuse; above all where paths cross.
+
+    Raises:
+        ValueError: the core refuses a vehicle or a moment; the message names recording, track and time.
+    """
     if not tracks:
         return []
     count = [len(track.position) for track in tracks]
     step = np.concatenate([np.arange(track.start, track.stop) for track in tracks])
     order = np.argsort(step, kind="stable")
-    route = np.repeat(np.array([track.route for track in tracks], np.int32), count)[order]
+    owner = np.repeat(np.arange(len(tracks)), count)[order]
+    route = np.array([track.route for track in tracks], np.int32)[owner]
     columns = []
     for name in ("position", "speed"):
         columns.append(np.concatenate([getattr(track, name) for track in tracks])[order])
     for name in ("length", "width"):
-        columns.append(np.repeat(np.array([getattr(track, name) for track in tracks], np.float32), count)[order])
+        columns.append(np.array([getattr(track, name) for track in tracks], np.float32)[owner])
     columns.append(np.full(len(step), np.inf, np.float32))
     present, begin = np.unique(step[order], return_index=True)
     touching: list[int] = []
     for one, rows in zip(present, map(slice, begin, [*begin[1:], len(step)]), strict=True):
-        traffic = _core.Traffic(intersection.core, route[rows], *(column[rows] for column in columns))
+        ids = [tracks[index].id for index in owner[rows]]
+        try:
+            with naming(ids):
+                traffic = _core.Traffic(intersection.core, route[rows], *(column[rows] for column in columns))
+        except ValueError as error:
+            raise ValueError(f"recording {ids[0].partition('/')[0]}, {one * DT:.1f} s: {error}") from None
         found = _core.closest(intersection.core, traffic)
         if found is not None and found[0] < 0.0:
             touching.append(one)

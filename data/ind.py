@@ -8,13 +8,14 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from data.csv_table import read_table
-from data.ind_checks import Files, check_meta, check_order, check_recording_id, matched
+from data.ind_checks import Files, check_meta, check_order, check_recording_id, check_speed, matched
 
 SPEED_TOLERANCE = 0.1  # ours: share by which the way covered may differ from the velocities, summed over a recording
 MOVING = 1.0  # [m/s], ours: slower rows are noise when ways and velocities are compared
@@ -44,16 +45,14 @@ class Recording:
 
     track_id: (track,); road_user: one word per track, as "car"; length, width: (track,) [m], 0 where
     inD gives none; offsets: (track + 1,).
-    frame: (row,), consecutive within a track; x, y: (row,) centre [m]; heading: (row,) [rad];
-    velocity: (row, 2) [m/s]; acceleration: (row, 2) [m/s²].
+    frame: (row,), consecutive within a track; x, y: (row,) centre [m]; velocity: (row, 2) [m/s];
+    acceleration: (row, 2) [m/s²].
     """
 
     id: str
     location: int
     frame_rate: float
     """[1/s]"""
-    duration: float
-    """[s]"""
     track_id: Integers
     road_user: tuple[str, ...]
     length: Floats
@@ -62,7 +61,6 @@ class Recording:
     frame: Integers
     x: Floats
     y: Floats
-    heading: Floats
     velocity: Floats
     acceleration: Floats
 
@@ -88,7 +86,6 @@ class Recording:
             frame=self.frame[kept] // every,
             x=self.x[kept],
             y=self.y[kept],
-            heading=self.heading[kept],
             velocity=self.velocity[kept],
             acceleration=self.acceleration[kept],
         )
@@ -99,6 +96,7 @@ def recording_ids(folder: Path) -> list[str]:
 
     Raises:
         FileNotFoundError: there is no such folder, or no recording in it.
+        ValueError: two recordings have equal numbers, as 7 and 07.
     """
     if not folder.is_dir():
         raise FileNotFoundError(f"{folder}: no such folder; wanted a folder with inD recordings (NN_tracks.csv)")
@@ -106,6 +104,11 @@ def recording_ids(folder: Path) -> list[str]:
     ids = sorted({match[1] for match in found if match}, key=lambda number: (int(number), number))
     if not ids:
         raise FileNotFoundError(f"{folder}: no recording here; wanted files named NN_tracks.csv or NN_tracks.csv.xz")
+    for one, other in pairwise(ids):
+        if int(one) == int(other):
+            raise ValueError(
+                f"{folder}: {one}_tracks.csv and {other}_tracks.csv have equal numbers; keep one of the two"
+            )
     return ids
 
 
@@ -145,13 +148,14 @@ def read_recording(folder: Path, recording: str) -> Recording:
     track = rows["trackId"].to_numpy()
     offsets = np.flatnonzero(np.concatenate([[True], track[1:] != track[:-1], [True]]))
     check_order(files.tracks, track, rows["frame"].to_numpy(), offsets)
+    velocity = rows[["xVelocity", "yVelocity"]].to_numpy()
+    check_speed(files.tracks, track, velocity)
     meta = matched(files, meta, rows, offsets)
     _check_duration(files, duration, frame_rate, int(rows["frame"].max()))
     result = Recording(
         id=recording,
         location=location,
         frame_rate=frame_rate,
-        duration=duration,
         track_id=meta["trackId"].to_numpy(),
         road_user=tuple(meta["class"]),
         length=meta["length"].to_numpy(),
@@ -160,8 +164,7 @@ def read_recording(folder: Path, recording: str) -> Recording:
         frame=rows["frame"].to_numpy(),
         x=rows["xCenter"].to_numpy(),
         y=rows["yCenter"].to_numpy(),
-        heading=np.radians(rows["heading"].to_numpy()),
-        velocity=rows[["xVelocity", "yVelocity"]].to_numpy(),
+        velocity=velocity,
         acceleration=rows[["xAcceleration", "yAcceleration"]].to_numpy(),
     )
     _check_frame_rate(files.recording_meta, result)

@@ -8,12 +8,15 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from intersection_env import _core
+
 if TYPE_CHECKING:
     import pandas as pd
 
 VEHICLES = ("car", "truck_bus", "bicycle")
 PEDESTRIAN = "pedestrian"
-LARGEST = 50.0  # [m], ours: no vehicle is longer; a larger figure is in another unit
+LEAST_SIZE = round(_core.LEAST_SIZE, 6)  # [m]; the core's is a float32
+MOST = {"length": _core.MOST_LENGTH, "width": _core.MOST_WIDTH}  # [m]
 SIZE_TOLERANCE = 0.1  # [m], ours: a track's size may differ by this much between its two files
 
 Floats = NDArray[np.float64]
@@ -37,7 +40,7 @@ def check_recording_id(path: Path, table: pd.DataFrame, recording: str) -> None:
 
 
 def check_meta(path: Path, meta: pd.DataFrame) -> None:
-    """Refuses a track that is there twice, of an unknown class, or of no size."""
+    """Refuses a track that is there twice, of an unknown class, or of a size that the core refuses."""
     known = (*VEHICLES, PEDESTRIAN)
     seen: dict[int, int] = {}
     columns = (meta[name].to_numpy() for name in ("trackId", "class", "length", "width"))
@@ -47,13 +50,25 @@ def check_meta(path: Path, meta: pd.DataFrame) -> None:
         seen[track] = line
         if road_user not in known:
             raise ValueError(f'{path}, line {line}: class is "{road_user}"; wanted one of {", ".join(known)}')
-        least = "not negative" if road_user in (PEDESTRIAN, "bicycle") else "positive"
+        least = 0.0 if road_user in (PEDESTRIAN, "bicycle") else LEAST_SIZE
         for name, size in (("length", length), ("width", width)):
-            if not 0.0 <= size <= LARGEST or (size == 0.0 and least == "positive"):
+            if not least <= size <= MOST[name]:
                 raise ValueError(
                     f"{path}, line {line}: {name} of track {track} ({road_user}) is {size:g} m;"
-                    f" wanted {least}, at most {LARGEST:g}"
+                    f" wanted {least:g} to {MOST[name]:g}"
                 )
+
+
+def check_speed(path: Path, track: Integers, velocity: Floats) -> None:
+    """Refuses a row whose speed the core refuses; velocity: (row, 2) [m/s]."""
+    speed = np.hypot(*velocity.T)
+    wrong = np.flatnonzero(speed > _core.MOST_SPEED)
+    if len(wrong):
+        row = wrong[0]
+        raise ValueError(
+            f"{path}, line {row + 2}: the speed of track {track[row]} (xVelocity, yVelocity) is {speed[row]:g} m/s;"
+            f" wanted at most {_core.MOST_SPEED:g}"
+        )
 
 
 def check_order(path: Path, track: Integers, frame: Integers, offsets: Integers) -> None:
@@ -72,7 +87,8 @@ def check_order(path: Path, track: Integers, frame: Integers, offsets: Integers)
     wrong = np.flatnonzero(same & (step != 1))
     if len(wrong):
         row = int(wrong[0]) + 1
-        what = "frames out of order" if step[row - 1] < 1 else "a gap in the frames"
+        comes_later = (frame[row - 1] + 1) in frame[track == track[row]]
+        what = "frames out of order" if step[row - 1] < 1 or comes_later else "a gap in the frames"
         raise ValueError(
             f"{path}, line {row + 2}: {what}: frame {frame[row]} of track {track[row]} follows frame {frame[row - 1]}"
         )

@@ -29,7 +29,7 @@ PARKED_WAY = 2.0  # [m], ours: a vehicle that never gets further than this from 
 LEAST_SAMPLES = 5  # ours: a track shorter than 1 s shows neither lane nor manner of driving
 TELLING = 0.5  # [m], ours: two routes that fit are told apart where their distances differ by this much
 STRAIGHT = 1e-3  # [m], ours: points of a centreline that deviate less are left out
-BICYCLE_SIZE = (1.8, 0.6)  # [m], ours: design.md, 6.1; length and width, inD gives 0
+BICYCLE_SIZE = (1.8, 0.6)  # [m], ours: a city bicycle with its rider; length and width, inD gives 0
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]

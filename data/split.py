@@ -11,7 +11,7 @@ from intersection_env.scenes import SPLITS
 
 SETTINGS = "settings.json"
 VALIDATION_SHARE = 0.1  # paper, Section IV.A
-DEVELOPMENT_SHARE = 0.1  # ours: design.md, 6.14; choices need data that the report has not seen
+DEVELOPMENT_SHARE = 0.1  # ours: choices need data that the report has not seen
 
 
 def split_of(folder: Path, recordings: Sequence[str]) -> tuple[dict[str, str], str]:
@@ -40,7 +40,7 @@ def split_of(folder: Path, recordings: Sequence[str]) -> tuple[dict[str, str], s
 def _stated(path: Path) -> Any:
     try:
         content = json.loads(path.read_text(encoding="utf-8"))
-    except (json.JSONDecodeError, UnicodeDecodeError) as error:
+    except (json.JSONDecodeError, UnicodeDecodeError, RecursionError) as error:
         raise ValueError(f"{path}: not JSON: {error}") from None
     if not isinstance(content, dict):
         raise ValueError(f"{path}: wanted an object, not {type(content).__name__}")

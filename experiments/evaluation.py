@@ -16,7 +16,7 @@ from intersection_env.scenes import Scene, Scenes, Track
 from intersection_env.traffic import Traffic
 
 HORIZONS = (2.0, 4.0, 6.0, 8.0, 10.0)  # [s], paper, Section IV-C
-EVERY = 1.0  # [s] between two starts; design.md, 6.12
+EVERY = 1.0  # [s] ours: between two starts; nearer ones see nearly the same scene
 SCORED = ("car", "truck_bus")  # bicycles take part, but are not scored
 POPULATIONS = ("recorded", "extrapolated")
 _AT = np.round(np.array(HORIZONS) / DT).astype(np.int64)  # steps of the horizons

@@ -7,6 +7,7 @@ import sys
 import zlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import combinations
 from pathlib import Path
 from typing import NamedTuple
 
@@ -72,9 +73,12 @@ def compile_map(source: MapSource) -> str:
     """The text of the compiled map, checksum included.
 
     Raises:
-        ValueError: the geometry contradicts itself (a stop line that a route does not cross, two routes
-            of equal rank that conflict and neither comes from the right, ...); the message names the routes.
+        ValueError: two routes share a later lane but not the first, or the geometry contradicts itself (a
+            stop line that a route does not cross, two routes of equal rank that conflict and neither comes
+            from the right, ...); the message names the routes.
     """
+    for one, other in combinations(source.routes, 2):
+        _check_later_lanes(one, other)
     routes = [_compile_route(source, route) for route in source.routes]
     conflicts: list[Conflict] = []
     shared: list[SharedLane] = []
@@ -164,7 +168,6 @@ def _samples(
 
 
 def _shared_lane(index_a: int, a: CompiledRoute, index_b: int, b: CompiledRoute) -> SharedLane | None:
-    _check_later_lanes(a.source, b.source)
     split, merge_a, merge_b, offset = -NEVER, NEVER, NEVER, 0.0
     if a.source.approach[0] == b.source.approach[0]:
         apart = _first(a.line, b.line, lambda distance: distance > SWEPT_WIDTH)
@@ -181,7 +184,7 @@ def _shared_lane(index_a: int, a: CompiledRoute, index_b: int, b: CompiledRoute)
 
 
 def _check_later_lanes(a: RouteSource, b: RouteSource) -> None:
-    """Refuses routes that share a later lane but not the first: no shared lane could say where they meet."""
+    """Refuses routes that meet or part in ways a shared lane, from the start or to the end, cannot say."""
     for part, lanes_a, lanes_b in (("exit", a.leaving, b.leaving), ("approach", a.approach, b.approach)):
         common = [lane for lane in lanes_a if lane in lanes_b]
         if common and lanes_a[0] != lanes_b[0]:
@@ -189,6 +192,14 @@ def _check_later_lanes(a: RouteSource, b: RouteSource) -> None:
                 f'routes "{a.id}" and "{b.id}" share the {part} lane "{common[0]}" but not the first;'
                 f" let them share the first {part} lane"
             )
+    if a.leaving[0] == b.leaving[0] and a.leaving != b.leaving:
+        raise ValueError(
+            f'routes "{a.id}" and "{b.id}" share the exit lane "{a.leaving[0]}" and part later;'
+            " let them share all exit lanes"
+        )
+    for route in (a, b):
+        if len(set(route.approach + route.leaving)) < len(route.approach + route.leaving):
+            raise ValueError(f'route "{route.id}" uses a lane twice')
 
 
 def _first(

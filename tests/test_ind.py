@@ -170,7 +170,7 @@ def test_frames_out_of_order_are_named(folder: Path) -> None:
         return table.iloc[order]
 
     edit(folder / "07_tracks.csv", swap)
-    refused(folder, "07_tracks.csv, line 22", "gap in the frames", "frame 21 of track 3 follows frame 19")
+    refused(folder, "07_tracks.csv, line 22", "frames out of order", "frame 21 of track 3 follows frame 19")
 
 
 def test_repeated_frame_is_named(folder: Path) -> None:
@@ -194,11 +194,39 @@ def test_duplicate_track_is_named_in_meta(folder: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("column", "cell"), [("length", "-4.5"), ("width", "-1.0"), ("length", "0.0"), ("length", "450")]
+    ("column", "cell", "wanted"),
+    [
+        ("length", "-4.5", "0.1 to 50"),
+        ("width", "-1.0", "0.1 to 10"),
+        ("length", "0.0", "0.1 to 50"),
+        ("length", "450", "0.1 to 50"),
+        ("length", "0.05", "0.1 to 50"),
+        ("width", "0.05", "0.1 to 10"),
+        ("width", "11.0", "0.1 to 10"),
+    ],
 )
-def test_size_of_a_car_must_be_positive_and_in_metres(folder: Path, column: str, cell: str) -> None:
+def test_size_of_a_car_must_be_one_that_the_core_takes(folder: Path, column: str, cell: str, wanted: str) -> None:
     edit_cell(folder / "07_tracksMeta.csv", 2, column, cell)
-    refused(folder, "07_tracksMeta.csv, line 2", f"{column} of track 3 (car) is", "wanted positive")
+    refused(folder, "07_tracksMeta.csv, line 2", f"{column} of track 3 (car) is", f"wanted {wanted}")
+
+
+@pytest.mark.parametrize("cell", ["100.5", "-360", "1e300"])
+def test_speed_that_the_core_would_refuse_is_named(folder: Path, cell: str) -> None:
+    edit_cell(folder / "07_tracks.csv", 42, "xVelocity", cell)
+    refused(folder, "07_tracks.csv, line 42", "the speed of track 3", "m/s; wanted at most 100")
+
+
+def test_equal_recording_numbers_are_refused(folder: Path) -> None:
+    (folder / "7_tracks.csv.xz").write_bytes(b"")
+    with pytest.raises(ValueError, match=r"07_tracks\.csv and 7_tracks\.csv have equal numbers; keep one"):
+        recording_ids(folder)
+
+
+@pytest.mark.parametrize("kind", ["tracks", "tracksMeta", "recordingMeta"])
+def test_file_that_begins_with_a_byte_order_mark_is_read(folder: Path, kind: str) -> None:
+    path = folder / f"07_{kind}.csv"
+    path.write_bytes(b"\xef\xbb\xbf" + path.read_bytes())
+    assert read_recording(folder, "07").track_id.tolist() == [3, 7, 9]
 
 
 def test_negative_length_in_tracks_is_named(folder: Path) -> None:

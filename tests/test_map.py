@@ -15,7 +15,7 @@ import shapely
 
 from intersection_env import Intersection
 from intersection_env.intersection import MAPS
-from intersection_env.map_compiler import compile_map
+from intersection_env.map_compiler import compile_map, main
 from intersection_env.map_source import MapSource
 from tests.conftest import MAP_NAMES
 
@@ -167,7 +167,27 @@ def test_random_damage_with_a_right_checksum_never_crashes() -> None:
         ({"routes": {}}, '"routes" is empty'),
         ({"routes": {"W-X": {"approach": ["W_in"], "exit": ["E_out"]}}}, "must be named by two arms"),
         ({"routes": {"W-E": {"approach": ["gone"], "exit": ["E_out"]}}}, "must be a list of lanes"),
+        ({"routes": {"W-E": {"approach": [["x"]], "exit": ["E_out"]}}}, "must be a list of lanes"),
+        ({"routes": {"W-E": ["W_in", "E_out"]}}, 'route "W-E" must be an object, not list'),
         ({"yields": [["W-E", "nowhere"]]}, "pairs of route ids"),
+        ({"yields": 5}, "must be a list of pairs"),
+        ({"yields": [[["a"], "b"]]}, "pairs of route ids"),
+        ({"yields": [["W-E", "W-E"]]}, 'route "W-E" yields to itself'),
+        ({"yields": [["W-E", "S-W"], ["S-W", "W-E"]]}, '"S-W" and "W-E" each yield to the other'),
+        ({"locations": [True]}, '"locations" must be a list of integers from 0 to 1000000'),
+        ({"locations": [1.0]}, '"locations" must be a list of integers'),
+        ({"locations": [-1]}, '"locations" must be a list of integers'),
+        ({"locations": [1000001]}, '"locations" must be a list of integers'),
+        ({"arms": {"W-": {"right_of_way": "yield", "speed_limit_kmh": 50}}}, 'arm "W-" must be named by one word'),
+        ({"arms": {"the west": {"right_of_way": "yield", "speed_limit_kmh": 50}}}, 'arm "the west" must be named'),
+        ({"arms": {"W": {"right_of_way": "yield", "speed_limit": 50}}}, 'arm "W" has an unknown key "speed_limit"'),
+        ({"lanes": {"W_in": {"wide": 3}}}, 'lane "W_in" has an unknown key "wide"; wanted width, points'),
+        ({"routes": {"W-E": {"approach": ["W_in"], "leaving": []}}}, 'route "W-E" has an unknown key "leaving"'),
+        ({"stop_line": {}}, 'unknown key "stop_line"'),
+        ({"lanes": {"W_in": {"width": 3, "points": [[0, 0], [1e7, 0]]}}}, r"holds \[1e\+07, 0\]; wanted local metres"),
+        ({"lanes": {"W_in": {"width": 3, "points": [[0, -2001], [1, 0]]}}}, r"holds \[0, -2001\]; .* another origin"),
+        ({"lanes": {"W_in": {"width": 3, "points": [["0", "0"], ["1", "1"]]}}}, r"must be a list of \[x, y\]"),
+        ({"lanes": {"W_in": {"width": 3, "points": [[0, 0], [10**400, 1]]}}}, r"must be a list of \[x, y\]"),
         ({"stop_lines": {"gone": [[0, 0], [1, 1]]}}, "no lane of that name"),
         ({"stop_lines": {"S_in": [[90, 90], [91, 91]]}}, "must cross the stop line"),
         ({"stop_lines": {"S_in": [[-6, -3.0], [8, -3.0]]}}, "begins .* m before the stop line"),
@@ -177,8 +197,57 @@ def test_map_source_that_contradicts_itself_is_refused(tmp_path: Path, change: d
     source = json.loads((MAPS / "t_junction.json").read_text()) | change
     path = tmp_path / "source.json"
     path.write_text(json.dumps(source))
-    with pytest.raises(ValueError, match=message):
+    with pytest.raises(ValueError, match=message) as refused:
         Intersection.load(path)
+    assert str(refused.value).startswith(f"{path}: ")
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("[" * 100_000, "not JSON"),
+        ('{"format": 1, "format": 2}', '"format" is there twice'),
+        ("[]", '"format" must be'),
+    ],
+)
+def test_file_that_is_no_map_source_is_named(tmp_path: Path, text: str, message: str) -> None:
+    path = tmp_path / "source.json"
+    path.write_text(text)
+    with pytest.raises(ValueError, match=message) as refused:
+        Intersection.load(path)
+    assert str(refused.value).startswith(f"{path}: ")
+
+
+def test_routes_that_share_a_later_lane_but_not_the_first_are_refused(tmp_path: Path) -> None:
+    """Without their shared lane nobody would follow anybody there."""
+    path = tmp_path / "source.json"
+    source = json.loads((MAPS / "t_junction.json").read_text())
+    source["routes"]["E-S"]["exit"] = ["S_out_outer"]
+    path.write_text(json.dumps(source))
+    with pytest.raises(ValueError, match=r'"W-S" and "E-S" share the exit lane "S_out_outer".* the first exit lane'):
+        Intersection.load(path)
+    source = json.loads((MAPS / "t_junction.json").read_text())
+    source["routes"]["S-E"]["approach"] = ["S_in"]
+    path.write_text(json.dumps(source))
+    with pytest.raises(ValueError, match=r'"S-W" and "S-E" share the approach lane "S_in".* the first approach lane'):
+        Intersection.load(path)
+
+
+def test_command_names_a_bad_source_and_writes_nothing(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path, out = tmp_path / "bad.json", tmp_path / "out" / "bad.map"
+    source = json.loads((MAPS / "t_junction.json").read_text())
+    path.write_text(json.dumps(source | {"stop_lines": {"S_in": [[90, 90], [91, 91]]}}))
+    assert main([str(path), str(out)]) == 1
+    path.write_text(json.dumps(source | {"locations": list(range(1001))}))  # compiles, but the core refuses it
+    assert main([str(path), str(out)]) == 1
+    assert main([str(tmp_path / "missing.json"), str(out)]) == 1
+    lines = capsys.readouterr().err.splitlines()
+    assert [line.startswith("error: ") for line in lines] == [True] * 3
+    assert all(str(path) in line for line in lines[:2])
+    assert not out.parent.exists()
+    path.write_text(json.dumps(source))
+    assert main([str(path), str(out)]) == 0
+    assert out.read_bytes() == (MAPS / "t_junction.map").read_bytes()
 
 
 def test_equal_rank_without_a_rule_must_be_settled_by_the_author(tmp_path: Path) -> None:
@@ -197,3 +266,16 @@ def test_intersection_survives_pickling() -> None:
     assert other == one
     assert other.routes[0].id == "W-E"
     assert hash(other) == hash(one)
+
+
+def test_routes_that_part_behind_their_common_exit_lane_are_refused(tmp_path: Path) -> None:
+    source = json.loads((MAPS / "t_junction.json").read_text())
+    source["routes"]["E-S"]["exit"] = ["S_out"]
+    path = tmp_path / "source.json"
+    path.write_text(json.dumps(source))
+    with pytest.raises(ValueError, match='share the exit lane "S_out" and part later'):
+        Intersection.load(path)
+    source["routes"]["E-S"]["exit"] = ["S_out", "S_out_outer", "S_out"]
+    path.write_text(json.dumps(source))
+    with pytest.raises(ValueError, match=r'"E-S" uses a lane twice|part later'):
+        Intersection.load(path)

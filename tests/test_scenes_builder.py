@@ -10,14 +10,14 @@ import numpy as np
 import pytest
 
 from data.build import build, main
-from data.filters import overtakings
+from data.filters import overtakings, touchings
 from data.ind import read_recording
 from data.projection import Projection, project
 from data.scenes_builder import build_scenes
 from data.shared_lanes import overlap_length, pair_gap
 from data.split import split_of
 from intersection_env.intersection import MAPS, Intersection
-from intersection_env.scenes import Scene, Scenes
+from intersection_env.scenes import Scene, Scenes, Track
 from tests.recordings import Floats, Mover, on_route, steady, walking, write_recording
 
 ROUTES = ["NW-NE", "NW-SW", "NW-SE", "NE-NW", "NE-SW", "NE-SE", "SW-NW", "SW-NE", "SW-SE", "SE-NW", "SE-NE", "SE-SW"]
@@ -343,6 +343,24 @@ def test_every_moment_of_the_scenes_is_sound_traffic(tmp_path: Path, bendplatz: 
             scenes.at(scene, 0.2 * step)  # Traffic refuses vehicles that overlap
 
 
+def standing(bendplatz: Intersection, id: str, position: float, speed: float) -> Track:
+    two = np.zeros(2, np.float32)
+    route = bendplatz.route_index("NW-SE")
+    return Track(id, "car", route, 4.5, 1.8, 5, two + np.float32(position), two + np.float32(speed), two, two == 0.0)
+
+
+def test_track_that_the_core_refuses_is_named_with_its_recording(bendplatz: Intersection) -> None:
+    tracks = [standing(bendplatz, "07/3", 50.0, 5.0), standing(bendplatz, "07/12", 80.0, 150.0)]
+    with pytest.raises(ValueError, match=r"recording 07, 1\.0 s: vehicle 07/12: speed"):
+        touchings(tracks, bendplatz)
+
+
+def test_moment_with_more_vehicles_than_the_core_takes_is_named(bendplatz: Intersection) -> None:
+    tracks = [standing(bendplatz, f"07/{number}", 2.0 * number, 0.0) for number in range(65)]
+    with pytest.raises(ValueError, match=r"recording 07, 1\.0 s: 65 vehicles"):
+        touchings(tracks, bendplatz)
+
+
 def test_only_named_recordings_are_read(tmp_path: Path, bendplatz: Intersection) -> None:
     folder_of(tmp_path, bendplatz, 2)
     (tmp_path / "00_tracks.csv.xz").write_bytes(b"damaged")
@@ -383,6 +401,7 @@ def test_split_of_settings_is_kept(tmp_path: Path) -> None:
     ("text", "message"),
     [
         ("{", "not JSON"),
+        ("[" * 100_000, "not JSON"),
         ("[]", "wanted an object, not list"),
         ('{"split": {"test": ["00"]}}', "must be an object with train, development, validation"),
         ('{"split": {"train": "00"}}', "must be a list of recordings"),
