@@ -54,6 +54,9 @@ pages: demo bench
 	cp out/demo/positions.png docs/pictures/positions.png
 	$(RUN) -m intersection_env.plots bendplatz --out docs/pictures/bendplatz.png
 	$(RUN) -m intersection_env.plots t_junction --out docs/pictures/t_junction.png
+	$(RUN) -m data.build $(RECORDINGS) --map bendplatz --out out/scenes.npz
+	$(RUN) -m experiments.gap --figure docs/pictures/gap_acceptance.png
+	$(RUN) -m experiments.gap --split validation
 	$(RUN) -m experiments.pages
 
 format: setup

@@ -8,13 +8,14 @@ from __future__ import annotations
 import json
 import re
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
 
 ROOT = Path(__file__).parent.parent
 RESULTS = ROOT / "experiments" / "results"
 HORIZONS = (2.0, 4.0, 6.0, 8.0, 10.0)
-MODELS = {"constant_velocity": "constant velocity", "idm": "IDM"}
+MODELS = {"constant_velocity": "constant velocity", "idm": "IDM", "gap": "gap network, IDM"}
 
 
 def errors_table(errors: pd.DataFrame) -> str:
@@ -41,6 +42,25 @@ def speed_table(bench: dict[str, dict[str, dict[str, dict[str, float]]]]) -> str
     return "\n".join(lines)
 
 
+def gap_table(results: dict[str, Any]) -> str:
+    """Markdown of how often gaps are decided rightly, and by how much the network leads, per foe definition."""
+    heads = [f"{name} {foes}" for foes in results["foes"] for name in ("accuracy,", "network minus it,")]
+    lines = [f"| | {' | '.join(heads)} |", "|---" * (len(heads) + 1) + "|"]
+    for model in results["foes"]["recorded"]["models"]:
+        cells = []
+        for part in results["foes"].values():
+            found = part["models"][model]
+            lead = found.get("network_minus")
+            cells += [_percent(found["accuracy"]), _percent(lead["accuracy"]) if lead else ""]
+        lines.append(f"| {model} | {' | '.join(cells)} |")
+    return "\n".join(lines)
+
+
+def _percent(interval: dict[str, float]) -> str:
+    value, low, high = (100.0 * interval[key] for key in ("value", "low", "high"))
+    return f"{value:.1f} [{low:.1f}, {high:.1f}]"
+
+
 def filled(page: str, blocks: dict[str, str]) -> str:
     """The page with each block's text between `<!-- begin NAME -->` and `<!-- end NAME -->`.
 
@@ -59,7 +79,8 @@ def readme() -> str:
     """The README as the results files make it."""
     errors = pd.read_csv(RESULTS / "errors.csv")
     bench = json.loads((RESULTS / "bench.json").read_text(encoding="utf-8"))
-    blocks = {"errors": errors_table(errors), "speed": speed_table(bench)}
+    gap = json.loads((RESULTS / "gap_validation.json").read_text(encoding="utf-8"))
+    blocks = {"errors": errors_table(errors), "gap": gap_table(gap), "speed": speed_table(bench)}
     return filled((ROOT / "README.md").read_text(encoding="utf-8"), blocks)
 
 
