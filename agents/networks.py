@@ -35,6 +35,7 @@ class GapNetwork(nn.Module):
         return self.first, self.second, self.last
 
     def forward(self, features: Tensor) -> Tensor:
+        """The logit (...,) of each row of features (..., 4), unscaled."""
         x = (features - self.shift) * self.scale
         x = nn.functional.leaky_relu(self.first(x), LEAKY_SLOPE)
         x = nn.functional.leaky_relu(self.second(x), LEAKY_SLOPE)

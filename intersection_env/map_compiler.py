@@ -39,7 +39,6 @@ class CompiledRoute:
     """(sample, 11): x, y, heading (unwrapped), lane width, v_max, relative heading at six offsets."""
     stop_line: float
     junction: tuple[float, float]
-    exit_start: float
     rank: int
 
 
@@ -123,7 +122,7 @@ def _compile_route(source: MapSource, route: RouteSource) -> CompiledRoute:
     samples = _samples(source, route, line, [piece.width for piece in pieces], ends, junction[1])
     rank = 0 if source.arms[route.entry].right_of_way == "priority" else MINOR_RANK
     rank += LEFT_TURN_RANK if source.turn(route) == "left" else 0
-    return CompiledRoute(route, line, samples, stop_line, junction, junction[1], rank)
+    return CompiledRoute(route, line, samples, stop_line, junction, rank)
 
 
 def _refine(polyline: Points) -> Points:
@@ -177,7 +176,7 @@ def _shared_lane(index_a: int, a: CompiledRoute, index_b: int, b: CompiledRoute)
         near_b = _first(b.line, a.line, lambda distance: distance < MERGED_DISTANCE)
         assert near_a is not None
         assert near_b is not None
-        merge_a, merge_b, offset = near_a, near_b, b.exit_start - a.exit_start
+        merge_a, merge_b, offset = near_a, near_b, b.junction[1] - a.junction[1]
     if split < 0.0 and merge_a == NEVER:
         return None
     return SharedLane(index_a, index_b, split, merge_a, merge_b, offset)

@@ -104,7 +104,7 @@ Predictor::Bound Predictor::bind(const Traffic& traffic, std::span<const Pair> p
         add_candidates(traffic, i, bound);
         bound.vehicles.push_back({tables_[at(index)].observed.data(), tables_[at(index)].pose.data(),
                                   static_cast<int>(route.samples.size()) - 1, traffic.position[at(i)],
-                                  traffic.speed[at(i)], 0.5F * traffic.length[at(i)], 0.5F * traffic.width[at(i)],
+                                  traffic.speed[at(i)], 0.5F * traffic.length[at(i)],
                                   std::min(traffic.max_speed[at(i)], UNBOUNDED), route.stop_line, route.length, index,
                                   goes[at(i)] != 0, first, static_cast<int>(bound.candidates.size())});
     }

@@ -20,7 +20,7 @@ struct ProblemVehicle {
     const float* observed; // rows of v_max and six relative headings, one a grid point
     const float* pose;     // rows of x, y, heading
     int last_sample;
-    float position, speed, half_length, half_width, max_speed;
+    float position, speed, half_length, max_speed;
     float stop_line, route_length;
     int route;
     bool committed;
