@@ -161,3 +161,102 @@ class Predictor:
         """
         position, speed, acceleration, enters, present, time_loss, minimum_distance.
         """
+
+class ClosedLoop:
+    """
+    Closed-loop worlds; the arrays are views of what the next step overwrites.
+    """
+
+    def __init__(self, map: Map, policy: Policy, worlds: int, vehicles: int, max_cycles: int, autoreset: str, threads: int, isa: str | None = None) -> None: ...
+
+    def reset(self, seed: int, desynchronise: bool) -> None: ...
+
+    def reset_worlds(self, mask: Annotated[NDArray[numpy.bool_], dict(shape=(None,), order='C', device='cpu', writable=False)]) -> None: ...
+
+    def step(self) -> None: ...
+
+    def rollout(self, policy: Annotated[NDArray[numpy.float32], dict(shape=(None,), order='C', device='cpu', writable=False)], value: Annotated[NDArray[numpy.float32], dict(shape=(None,), order='C', device='cpu', writable=False)], sigma: float, steps: int, observation: Annotated[NDArray[numpy.float32], dict(order='C', device='cpu')], latent: Annotated[NDArray[numpy.float32], dict(order='C', device='cpu')], log_probability: Annotated[NDArray[numpy.float32], dict(order='C', device='cpu')], value_now: Annotated[NDArray[numpy.float32], dict(order='C', device='cpu')], value_next: Annotated[NDArray[numpy.float32], dict(order='C', device='cpu')], reward: Annotated[NDArray[numpy.float32], dict(order='C', device='cpu')], terminated: Annotated[NDArray[numpy.bool_], dict(order='C', device='cpu')], cut: Annotated[NDArray[numpy.bool_], dict(order='C', device='cpu')]) -> None:
+        """
+        Steps with the policy inside; fills arrays (world, step, vehicle[, feature]).
+        """
+
+    def state(self) -> dict:
+        """Everything, as arrays (world, vehicle), (world,) and (world, 8)."""
+
+    def set_state(self, state: dict) -> None: ...
+
+    @property
+    def action(self) -> NDArray[numpy.float32]: ...
+
+    @property
+    def reward(self) -> NDArray[numpy.float32]: ...
+
+    @property
+    def observation(self) -> NDArray[numpy.float32]: ...
+
+    @property
+    def final_observation(self) -> NDArray[numpy.float32]: ...
+
+    @property
+    def terminated(self) -> NDArray[numpy.bool_]: ...
+
+    @property
+    def truncated(self) -> NDArray[numpy.bool_]: ...
+
+    @property
+    def reinserted(self) -> NDArray[numpy.bool_]: ...
+
+    @property
+    def done(self) -> NDArray[numpy.bool_]: ...
+
+class Replay:
+    """Replay worlds; the arrays are views of what the next step overwrites."""
+
+    def __init__(self, map: Map, policy: Policy, recording: bool, scenes: dict, actors: Annotated[NDArray[numpy.int32], dict(shape=(None,), order='C', device='cpu', writable=False)], worlds: int, autoreset: str, threads: int, isa: str | None = None) -> None: ...
+
+    def reset(self, seed: int, desynchronise: bool) -> None: ...
+
+    def reset_worlds(self, mask: Annotated[NDArray[numpy.bool_], dict(shape=(None,), order='C', device='cpu', writable=False)]) -> None: ...
+
+    def start(self, world: int, track: int) -> None:
+        """Begins this world's episode with this track."""
+
+    def step(self) -> None: ...
+
+    def rollout(self, policy: Annotated[NDArray[numpy.float32], dict(shape=(None,), order='C', device='cpu', writable=False)], value: Annotated[NDArray[numpy.float32], dict(shape=(None,), order='C', device='cpu', writable=False)], sigma: float, steps: int, observation: Annotated[NDArray[numpy.float32], dict(order='C', device='cpu')], latent: Annotated[NDArray[numpy.float32], dict(order='C', device='cpu')], log_probability: Annotated[NDArray[numpy.float32], dict(order='C', device='cpu')], value_now: Annotated[NDArray[numpy.float32], dict(order='C', device='cpu')], value_next: Annotated[NDArray[numpy.float32], dict(order='C', device='cpu')], reward: Annotated[NDArray[numpy.float32], dict(order='C', device='cpu')], terminated: Annotated[NDArray[numpy.bool_], dict(order='C', device='cpu')], cut: Annotated[NDArray[numpy.bool_], dict(order='C', device='cpu')]) -> None:
+        """Steps with the policy inside; fills arrays (world, step[, feature])."""
+
+    def state(self) -> dict:
+        """Everything, as arrays (world,) and (world, 8)."""
+
+    def set_state(self, state: dict) -> None: ...
+
+    @property
+    def action(self) -> NDArray[numpy.float32]: ...
+
+    @property
+    def reward(self) -> NDArray[numpy.float32]: ...
+
+    @property
+    def expert_acceleration(self) -> NDArray[numpy.float32]: ...
+
+    @property
+    def observation(self) -> NDArray[numpy.float32]: ...
+
+    @property
+    def final_observation(self) -> NDArray[numpy.float32]: ...
+
+    @property
+    def expert_observation(self) -> NDArray[numpy.float32]: ...
+
+    @property
+    def terminated(self) -> NDArray[numpy.bool_]: ...
+
+    @property
+    def truncated(self) -> NDArray[numpy.bool_]: ...
+
+    @property
+    def track(self) -> NDArray[numpy.int32]: ...
+
+    @property
+    def time(self) -> NDArray[numpy.int32]: ...

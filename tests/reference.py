@@ -558,12 +558,18 @@ def can_touch(intersection: Map, traffic: Traffic, i: int, j: int) -> bool:
 
 
 def body_distance(intersection: Map, traffic: Traffic, i: int, j: int) -> float:
-    """The smallest distance [m] between the borders of two bodies, each two circles of radius W/2 at ±L/4."""
+    """The smallest distance [m] between the borders of two bodies, each two circles of radius W/2 at ±L/4.
+
+    Beyond its last sample a route goes straight on.
+    """
     centres = []
     for k in (i, j):
-        here = sample(intersection, int(traffic.route[k]), float(traffic.position[k]))
-        along = traffic.length[k] / 4 * np.array([math.cos(here[HEADING]), math.sin(here[HEADING])])
-        centres.append([here[[X, Y]] - along, here[[X, Y]] + along])
+        route, position = int(traffic.route[k]), float(traffic.position[k])
+        here = sample(intersection, route, position)
+        forward = np.array([math.cos(here[HEADING]), math.sin(here[HEADING])])
+        beyond = max(0.0, position - intersection.spacing * (len(intersection.routes[route].samples) - 1))
+        centre = here[[X, Y]] + beyond * forward
+        centres.append([centre + side * traffic.length[k] / 4 * forward for side in (-1, 1)])
     apart = min(float(np.hypot(*(p - q))) for p in centres[0] for q in centres[1])
     return apart - float(traffic.width[i] + traffic.width[j]) / 2
 

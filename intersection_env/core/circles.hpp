@@ -9,6 +9,7 @@ struct Circles {
     F x, y, dx, dy;
 };
 
+constexpr float NO_DISTANCE = 3.0e38F; // stands for: they cannot touch
 constexpr float CIRCLE_OFFSET = 0.25F; // of the length; ours: shared/neighbouring lanes stay apart
 constexpr float CIRCLE_RADIUS = 0.5F;  // of the width
 

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "problem.hpp"
+#include "worlds.hpp"
 
 namespace intersection_env {
 
@@ -14,13 +15,25 @@ struct Workspace;
 struct Kernel {
     const char* name;
     int lanes;
-    Workspace* (*create)();
-    void (*destroy)(Workspace*);
-    void (*run)(const Problem&, const BlockArguments&, Workspace&);
+    Workspace* (*create_prediction)();
+    void (*destroy_prediction)(Workspace*);
+    void (*predict)(const Problem&, const BlockArguments&, Workspace&);
+    void (*observe)(const Problem&, const ObservationArguments&, Workspace&);
+    // One scenario, lanes over its vehicles: what a rest of fewer than worth_a_block scenarios is predicted with.
+    int worth_a_block;
+    Workspace* (*create_single)();
+    void (*destroy_single)(Workspace*);
+    void (*predict_single)(const Problem&, const BlockArguments&, Workspace&);
     // out: (rows,) the network's output before its last activation; in: (rows, inputs).
     void (*evaluate_gap)(const GapNetwork&, const float* in, long rows, float* out);
     void (*evaluate_driving)(const DrivingNetwork&, const float* in, long rows, float* out);
-    void (*observe)(const Problem&, const ObservationArguments&, Workspace&);
+    Workspace* (*create_closed_loop)();
+    void (*destroy_closed_loop)(Workspace*);
+    // Runs the task for `lanes` worlds; false where no start without a violated constraint was found.
+    bool (*run_closed_loop)(const ClosedLoopArguments&, Workspace&);
+    Workspace* (*create_replay)();
+    void (*destroy_replay)(Workspace*);
+    void (*run_replay)(const ReplayArguments&, Workspace&);
 };
 
 // Throws std::invalid_argument where the override names an instruction set that is unknown or not here.

@@ -6,13 +6,13 @@
 #include <string>
 
 #include "circles.hpp"
+#include "lane_tables.hpp"
 #include "orders.hpp"
 
 namespace intersection_env {
 namespace {
 
-constexpr float UNBOUNDED = 1000.0F; // [m/s], stands for an infinite top speed in the kernel's finite arithmetic
-constexpr Interval EVERYWHERE{-1.0e6F, 1.0e6F};
+constexpr Interval EVERYWHERE{-FAR, FAR};
 
 std::size_t at(int index) { return static_cast<std::size_t>(index); }
 
@@ -23,23 +23,14 @@ struct Predictor::Bound {
     std::vector<LeadCandidate> candidates;
     std::vector<ProblemPair> pairs;
     std::vector<Touch> touches;
+    LaneTables lanes;
 };
 
-Predictor::Predictor(std::shared_ptr<const Map> map, Policy policy) : map_(std::move(map)), policy_(std::move(policy)) {
+Predictor::Predictor(std::shared_ptr<const Map> map, Policy policy)
+    : map_(std::move(map)), policy_(std::move(policy)), tables_(*map_) {
     if ((policy_.gap == Gap::network && !policy_.gap_network) ||
         (policy_.driver == Driver::network && !policy_.driving_network)) {
         throw std::invalid_argument("the policy names a network that it does not hold");
-    }
-    for (const Route& route : map_->routes) {
-        Tables tables;
-        for (const Sample& sample : route.samples) {
-            tables.observed.push_back(sample.v_max);
-            tables.observed.insert(tables.observed.end(), sample.relative_heading.begin(),
-                                   sample.relative_heading.end());
-            tables.observed.push_back(0.0F);
-            tables.pose.insert(tables.pose.end(), {sample.x, sample.y, sample.heading, 0.0F});
-        }
-        tables_.push_back(std::move(tables));
     }
 }
 
@@ -102,9 +93,8 @@ Predictor::Bound Predictor::bind(const Traffic& traffic, std::span<const Pair> p
         const Route& route = map_->routes[at(index)];
         const int first = static_cast<int>(bound.candidates.size());
         add_candidates(traffic, i, bound);
-        bound.vehicles.push_back({tables_[at(index)].observed.data(), tables_[at(index)].pose.data(),
-                                  static_cast<int>(route.samples.size()) - 1, traffic.position[at(i)],
-                                  traffic.speed[at(i)], 0.5F * traffic.length[at(i)],
+        bound.vehicles.push_back({tables_.first_row[at(index)], static_cast<int>(route.samples.size()) - 1,
+                                  traffic.position[at(i)], traffic.speed[at(i)], 0.5F * traffic.length[at(i)],
                                   std::min(traffic.max_speed[at(i)], UNBOUNDED), route.stop_line, route.length, index,
                                   goes[at(i)] != 0, first, static_cast<int>(bound.candidates.size())});
     }
@@ -115,6 +105,7 @@ Predictor::Bound Predictor::bind(const Traffic& traffic, std::span<const Pair> p
             {pair.yielder, pair.prioritized, conflict.on_yielder.end, conflict.on_prioritized.end, conflict.merging});
     }
     add_touches(traffic, bound);
+    bound.lanes.fill(bound.vehicles, bound.candidates, bound.pairs);
     return bound;
 }
 
@@ -133,7 +124,10 @@ Problem Predictor::problem(const Bound& bound) const {
             policy_.idm,
             policy_.acceleration_scale,
             policy_.gap_network ? &*policy_.gap_network : nullptr,
-            policy_.driving_network ? &*policy_.driving_network : nullptr};
+            policy_.driving_network ? &*policy_.driving_network : nullptr,
+            tables_.observed.data(),
+            tables_.pose.data(),
+            bound.lanes.problem()};
 }
 
 void Predictor::observe(const Traffic& traffic, float* driving, float* gap, std::uint8_t* accepts,
@@ -141,7 +135,8 @@ void Predictor::observe(const Traffic& traffic, float* driving, float* gap, std:
     check(*map_, traffic);
     const std::vector<Pair> pairs = open_pairs(traffic);
     const Bound bound = bind(traffic, pairs);
-    const std::unique_ptr<Workspace, void (*)(Workspace*)> workspace(kernel.create(), kernel.destroy);
+    const std::unique_ptr<Workspace, void (*)(Workspace*)> workspace(kernel.create_prediction(),
+                                                                     kernel.destroy_prediction);
     kernel.observe(problem(bound), {driving, gap, accepts}, *workspace);
 }
 
@@ -169,19 +164,24 @@ void Predictor::predict(const Traffic& traffic, std::span<std::int8_t> assignmen
     }
     const Bound bound = bind(traffic, pairs);
     const Problem shared = problem(bound);
-    const std::unique_ptr<Workspace, void (*)(Workspace*)> workspace(kernel.create(), kernel.destroy);
-    for (int first = 0; first < scenarios; first += kernel.lanes) {
+    const std::unique_ptr<Workspace, void (*)(Workspace*)> block(kernel.create_prediction(), kernel.destroy_prediction);
+    const std::unique_ptr<Workspace, void (*)(Workspace*)> single(kernel.create_single(), kernel.destroy_single);
+    for (int first = 0; first < scenarios;) {
         const std::size_t frames = at(first) * (STEPS + 1) * vehicles;
         const auto from = [frames](auto* values) { return values == nullptr ? nullptr : values + frames; };
         const Trajectories& t = results.trajectories;
-        kernel.run(shared,
-                   {assignments.data() + at(first) * pair_count,
-                    decisions.empty() ? nullptr : decisions.data() + at(first) * STEPS * vehicles,
-                    std::min(kernel.lanes, scenarios - first),
-                    {from(t.position), from(t.speed), from(t.acceleration), from(t.enters), from(t.present)},
-                    results.time_loss + at(first) * vehicles,
-                    results.minimum_distance == nullptr ? nullptr : results.minimum_distance + first},
-                   *workspace);
+        const bool together = scenarios - first >= kernel.worth_a_block;
+        const int count = together ? std::min(kernel.lanes, scenarios - first) : 1;
+        (together ? kernel.predict : kernel.predict_single)(
+            shared,
+            {assignments.data() + at(first) * pair_count,
+             decisions.empty() ? nullptr : decisions.data() + at(first) * STEPS * vehicles,
+             count,
+             {from(t.position), from(t.speed), from(t.acceleration), from(t.enters), from(t.present)},
+             results.time_loss + at(first) * vehicles,
+             results.minimum_distance == nullptr ? nullptr : results.minimum_distance + first},
+            together ? *block : *single);
+        first += count;
     }
     if (results.minimum_distance != nullptr) {
         std::replace_if(

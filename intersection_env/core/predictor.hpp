@@ -9,6 +9,7 @@
 #include "map.hpp"
 #include "policy.hpp"
 #include "problem.hpp"
+#include "route_tables.hpp"
 #include "traffic.hpp"
 
 namespace intersection_env {
@@ -38,9 +39,6 @@ class Predictor {
     void observe(const Traffic& traffic, float* driving, float* gap, std::uint8_t* accepts, const Kernel& kernel) const;
 
   private:
-    struct Tables { // one route's rows for the kernel
-        std::vector<float> observed, pose;
-    };
     struct Bound; // a Problem and what it points to
     std::vector<Pair> open_pairs(const Traffic& traffic) const;
     Bound bind(const Traffic& traffic, std::span<const Pair> pairs) const;
@@ -50,7 +48,7 @@ class Predictor {
 
     std::shared_ptr<const Map> map_;
     Policy policy_;
-    std::vector<Tables> tables_;
+    RouteTables tables_;
 };
 
 } // namespace intersection_env

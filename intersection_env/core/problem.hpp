@@ -3,23 +3,25 @@
 
 #include <cstdint>
 
+#include "circles.hpp"
 #include "map.hpp"
 #include "policy.hpp"
 #include "traffic.hpp"
 
 namespace intersection_env {
 
+constexpr int LANES = 16;                        // of the widest kernel
 constexpr int STEPS = 50;                        // 10 s
 constexpr int MAX_PAIRS = 1024;                  // ours
 constexpr float LEAD_RANGE = 100.0F;             // [m], paper, Section III-B.2
 constexpr float FREE_LEAD_SPEED = 100.0F / 3.6F; // [m/s], likewise
+constexpr float UNBOUNDED = 1000.0F; // [m/s], stands for an infinite top speed in the kernel's finite arithmetic
+constexpr float FAR = 1.0e6F;        // [m], an arc length that nobody reaches
 constexpr int OBSERVED_COLUMNS = 8, POSE_COLUMNS = 4;
 
 // One vehicle, as all scenarios know it.
 struct ProblemVehicle {
-    const float* observed; // rows of v_max and six relative headings, one a grid point
-    const float* pose;     // rows of x, y, heading
-    int last_sample;
+    int first_row, last_row; // of its route: its first row in the tables, its number of rows less one
     float position, speed, half_length, max_speed;
     float stop_line, route_length;
     int route;
@@ -50,6 +52,21 @@ struct Touch {
     float radii; // [m], the sum of both
 };
 
+// The vehicles, lead candidates and pairs once more, one to a lane, padded to whole rows of the widest kernel: for one
+// scenario at a time. Padding is never present, leads nobody and conflicts with nobody.
+struct LaneProblem {
+    int vehicles, padded_vehicles, candidates, padded_pairs; // candidates: the most that one vehicle has
+    const float *half_length, *max_speed, *stop_line, *route_length, *last_row, *position, *speed; // (vehicle,)
+    const std::int32_t *first_row, *route, *committed;                                             // masks: 0 or -1
+    // (candidate, vehicle)
+    const std::int32_t *other, *other_stop_lane; // the latter: 0 where the stop lanes are the same, else -1
+    const float *split, *merge, *offset, *other_half_length;
+    // (pair,)
+    const std::int32_t *yielder, *prioritized, *yielder_route, *merging;
+    const float *yielder_end, *prioritized_end, *yielder_half_length, *prioritized_half_length;
+    const float *yielder_stop_line, *prioritized_stop_line;
+};
+
 // Pointers and counts only: the kernel must not call inline functions of the standard library.
 struct Problem {
     const ProblemVehicle* vehicles;
@@ -64,9 +81,9 @@ struct Problem {
     float acceleration_scale;
     const GapNetwork* gap_network;
     const DrivingNetwork* driving_network;
+    const float *observed, *pose; // rows of all routes
+    LaneProblem lanes;
 };
-
-constexpr float NO_DISTANCE = 3.0e38F; // the kernel's word for: no two vehicles can touch
 
 // Arrays (scenario, time, vehicle) of one block's scenarios; null where not wanted.
 struct Trajectories {

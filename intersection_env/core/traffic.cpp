@@ -1,11 +1,11 @@
 #include "traffic.hpp"
 
 #include <algorithm>
-#include <cmath>
 #include <stdexcept>
 #include <string>
 
 #include "circles.hpp"
+#include "contact.hpp"
 
 namespace intersection_env {
 namespace {
@@ -100,28 +100,8 @@ std::vector<std::uint8_t> committed(const Map& map, const Traffic& traffic) {
 
 namespace {
 
-Circles<float> circles(const Map& map, const Traffic& traffic, int i) {
-    const Sample sample = map.at(traffic.route[at(i)], traffic.position[at(i)]);
-    const float offset = CIRCLE_OFFSET * traffic.length[at(i)];
-    return {sample.x, sample.y, offset * std::cos(sample.heading), offset * std::sin(sample.heading)};
-}
-
-bool meets(const Traffic& traffic, int i, const Interval& interval) {
-    return traffic.front(i) >= interval.begin && traffic.rear(i) <= interval.end;
-}
-
-bool can_touch(const Map& map, const Traffic& traffic, int i, int j) {
-    const int a = traffic.route[at(i)], b = traffic.route[at(j)];
-    if (a == b) {
-        return true;
-    }
-    const Overlap* overlap = map.overlap(a, b);
-    if (overlap == nullptr) {
-        return false;
-    }
-    const bool in_order = overlap->a == a;
-    return meets(traffic, i, in_order ? overlap->on_a : overlap->on_b) &&
-           meets(traffic, j, in_order ? overlap->on_b : overlap->on_a);
+Body body(const Traffic& traffic, int i) {
+    return {traffic.route[at(i)], traffic.position[at(i)], traffic.length[at(i)], traffic.width[at(i)]};
 }
 
 } // namespace
@@ -130,11 +110,10 @@ std::optional<Closest> closest(const Map& map, const Traffic& traffic) {
     std::optional<Closest> result;
     for (int i = 0; i < traffic.count(); ++i) {
         for (int j = i + 1; j < traffic.count(); ++j) {
-            if (!can_touch(map, traffic, i, j)) {
+            const float distance = intersection_env::distance(map, body(traffic, i), body(traffic, j));
+            if (distance >= NO_DISTANCE) {
                 continue;
             }
-            const float between = std::sqrt(squared_distance(circles(map, traffic, i), circles(map, traffic, j)));
-            const float distance = between - CIRCLE_RADIUS * (traffic.width[at(i)] + traffic.width[at(j)]);
             if (!result || distance < result->distance) {
                 result = Closest{distance, i, j};
             }

@@ -1,4 +1,4 @@
-// The state of one block of scenarios while it runs.
+// What one vehicle is and sees at one moment, in every lane.
 #pragma once
 
 #include "kernel/lanes.hpp"
@@ -6,24 +6,21 @@
 
 namespace intersection_env::INTERSECTION_ENV_ISA {
 
-// What one vehicle is and sees at one moment, in every lane.
-struct VehicleLanes {
-    Floats position, speed, time_loss;
-    Ints present, delta, hold; // the memories of the model; delta is a mask
-
-    Floats front, rear, distance_to_stop_line, braking_distance;
-    Floats environment[7]; // v_max, six relative headings
+// What the pairs add up to for one vehicle.
+struct Seen {
     Floats lead_distance, lead_speed;
-    Ints queue; // the remembered hold of the lead in the same stop lane, else -1
-
-    Ints refused, refused_by_assignment; // masks, from the pairs
-
-    Floats v_max() const { return environment[0]; }
+    Ints queue;   // the remembered hold of the lead in the same stop lane, else -1
+    Ints refused; // mask
 };
 
-struct Block {
-    VehicleLanes vehicles[MAX_VEHICLES];
-    Ints assignments[MAX_PAIRS];
+struct VehicleLanes : Seen {
+    Floats position, speed;
+    Ints delta, hold; // the memories of the model; delta is a mask
+
+    Floats front, rear, distance_to_stop_line, braking_distance;
+    Floats environment[8]; // v_max, six relative headings, nothing
+
+    Floats v_max() const { return environment[0]; }
 };
 
 } // namespace intersection_env::INTERSECTION_ENV_ISA

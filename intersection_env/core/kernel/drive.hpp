@@ -36,15 +36,13 @@ inline Floats drive(const Problem& problem, float inverse_root, const VehicleLan
     return problem.acceleration_scale * tanh(evaluate<DRIVING_INPUTS>(*problem.driving_network, input, Tanh{}));
 }
 
-// Moves the vehicle by one step; returns the acceleration that came of it.
-inline Floats advance(const ProblemVehicle& known, Floats acceleration, VehicleLanes& vehicle) {
-    const Floats speed = most(vehicle.speed + DT * acceleration, all(0.0F));
+// Moves the vehicle by one step, no slower than `least_speed`, where `moves`; returns the acceleration that came of it.
+inline Floats advance(Floats acceleration, float least_speed, Ints moves, VehicleLanes& vehicle) {
+    const Floats speed = most(vehicle.speed + DT * acceleration, all(least_speed));
     const Floats position = vehicle.position + (0.5F * DT) * (vehicle.speed + speed);
-    const Floats applied = vehicle.present ? (speed - vehicle.speed) * (1.0F / DT) : all(0.0F);
-    vehicle.time_loss += vehicle.present ? DT * (1.0F - vehicle.speed / vehicle.v_max()) : all(0.0F);
-    vehicle.position = vehicle.present ? position : vehicle.position;
-    vehicle.speed = vehicle.present ? speed : vehicle.speed;
-    vehicle.present &= vehicle.position < known.route_length;
+    const Floats applied = moves ? (speed - vehicle.speed) * (1.0F / DT) : all(0.0F);
+    vehicle.position = moves ? position : vehicle.position;
+    vehicle.speed = moves ? speed : vehicle.speed;
     return applied;
 }
 

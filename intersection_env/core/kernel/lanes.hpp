@@ -1,7 +1,11 @@
-// Lanes: one number of every scenario in a block, at the native width of the instruction set.
+// Lanes: one number of every scenario or world in a block, at the native width of the instruction set.
 #pragma once
 
 #include <cstdint>
+
+#if defined(__x86_64__)
+#include <immintrin.h>
+#endif
 
 namespace intersection_env::INTERSECTION_ENV_ISA {
 
@@ -15,49 +19,103 @@ constexpr int WIDTH = 4;
 
 typedef float Floats __attribute__((vector_size(WIDTH * 4)));
 typedef std::int32_t Ints __attribute__((vector_size(WIDTH * 4))); // a mask holds 0 or -1 in each lane
+typedef std::uint32_t Words __attribute__((vector_size(WIDTH * 4)));
+typedef float Quad __attribute__((vector_size(16), aligned(4)));
 
 inline Floats all(float value) { return value - Floats{}; }
 inline Ints all_ints(std::int32_t value) { return value - Ints{}; }
 inline Floats least(Floats a, Floats b) { return a < b ? a : b; }
 inline Floats most(Floats a, Floats b) { return a > b ? a : b; }
 inline Ints most(Ints a, Ints b) { return a > b ? a : b; }
+inline Floats magnitude(Floats x) { return x < 0.0F ? -x : x; }
+inline Floats as_floats(Ints x) { return __builtin_convertvector(x, Floats); }
+inline Ints as_ints(Floats x) { return __builtin_convertvector(x, Ints); }
 
-inline bool any(Ints mask) {
-    std::int32_t sum = 0;
+constexpr unsigned EVERY = (1U << WIDTH) - 1; // one bit a lane, all set
+
+inline Ints lane_numbers() {
+    Ints result{};
     for (int l = 0; l < WIDTH; ++l) {
-        sum |= mask[l];
+        result[l] = l;
     }
-    return sum != 0;
+    return result;
 }
 
-// tanh within 4.5e-7: a rational function of degree 7/8, fitted by us to [-7.9, 7.9].
+// One bit a lane.
+inline unsigned bits(Ints mask) {
+#if defined(__AVX512DQ__)
+    return _mm512_movepi32_mask(reinterpret_cast<__m512i>(mask));
+#elif defined(__AVX2__)
+    return static_cast<unsigned>(_mm256_movemask_ps(reinterpret_cast<__m256>(mask)));
+#else
+    unsigned result = 0;
+    for (int l = 0; l < WIDTH; ++l) {
+        result |= (mask[l] != 0 ? 1U : 0U) << l;
+    }
+    return result;
+#endif
+}
+
+inline bool any(Ints mask) { return bits(mask) != 0; }
+
+inline Floats root(Floats x) {
+#if defined(__AVX512F__)
+    return _mm512_sqrt_ps(x);
+#elif defined(__AVX2__)
+    return _mm256_sqrt_ps(x);
+#else
+    for (int l = 0; l < WIDTH; ++l) {
+        x[l] = __builtin_sqrtf(x[l]);
+    }
+    return x;
+#endif
+}
+
+// Two tanh for one division, within 5e-7: a rational function of degree 7/8, fitted by us to [-7.9, 7.9].
+inline void tanh_both(Floats& x, Floats& y) {
+    const auto clipped = [](Floats z) { return least(most(z, all(-7.9F)), all(7.9F)); };
+    const auto above = [](Floats z, Floats q) {
+        return z * (0.999999404F + q * (0.129226863F + q * (0.00294851186F + q * 1.14146796e-05F)));
+    };
+    const auto below = [](Floats q) {
+        return 1.0F + q * (0.462558061F + q * (0.0238035135F + q * (0.000238395427F + q * 2.45724124e-07F)));
+    };
+    const Floats u = clipped(x), v = clipped(y), p = u * u, q = v * v;
+    const Floats below_u = below(p), below_v = below(q), inverse = 1.0F / (below_u * below_v);
+    x = least(most(above(u, p) * (below_v * inverse), all(-1.0F)), all(1.0F));
+    y = least(most(above(v, q) * (below_u * inverse), all(-1.0F)), all(1.0F));
+}
+
 inline Floats tanh(Floats x) {
-    x = least(most(x, all(-7.9F)), all(7.9F));
-    const Floats q = x * x;
-    const Floats p = x * (0.999999404F + q * (0.129226863F + q * (0.00294851186F + q * 1.14146796e-05F)));
-    const Floats d = 1.0F + q * (0.462558061F + q * (0.0238035135F + q * (0.000238395427F + q * 2.45724124e-07F)));
-    return least(most(p / d, all(-1.0F)), all(1.0F));
+    Floats unused{};
+    tanh_both(x, unused);
+    return x;
 }
 
-// Columns 0 to COUNT - 1 of a table of rows, linearly between its rows; end rows hold beyond the ends.
-template <int COUNT, int STRIDE>
-inline void interpolate(const float* rows, int last, Floats x, Floats* out) {
-    x = least(most(x, all(0.0F)), all(static_cast<float>(last)));
-    Ints row = __builtin_convertvector(x, Ints);
-    row = row < last - 1 ? row : all_ints(last - 1);
-    const Floats f = x - __builtin_convertvector(row, Floats);
-    alignas(64) float low[COUNT][WIDTH], high[COUNT][WIDTH];
-    for (int l = 0; l < WIDTH; ++l) {
-        const float* from = rows + row[l] * STRIDE;
-        for (int c = 0; c < COUNT; ++c) {
-            low[c][l] = from[c];
-            high[c][l] = from[c + STRIDE];
-        }
-    }
-    for (int c = 0; c < COUNT; ++c) {
-        const Floats a = *reinterpret_cast<const Floats*>(low[c]), b = *reinterpret_cast<const Floats*>(high[c]);
-        out[c] = a + f * (b - a);
-    }
+// Natural logarithm of normal positive numbers, relative error under 1e-6.
+inline Floats logarithm(Floats x) {
+    const Ints raw = reinterpret_cast<Ints>(x);
+    const Ints shifted = raw - 0x3f3504f3; // the bits of sqrt(1/2): mantissas from sqrt(1/2) to sqrt(2)
+    const Ints exponent = shifted >> 23;
+    const Floats m = reinterpret_cast<Floats>(raw - (exponent << 23));
+    const Floats s = (m - 1.0F) / (m + 1.0F), q = s * s;
+    const Floats series = s * (2.0F + q * (0.666666667F + q * (0.4F + q * (0.285714286F + q * 0.222222222F))));
+    return as_floats(exponent) * 0.693147181F + series;
+}
+
+// cos and sin by polynomials after reduction to [-pi/4, pi/4]; absolute error under 1e-6 for |x| < 100.
+inline void direction(Floats angle, Floats& cosine, Floats& sine) {
+    const Floats turns = angle * 0.636619772F;
+    const Ints quarter = as_ints(turns + (turns < 0.0F ? all(-0.5F) : all(0.5F)));
+    const Floats n = as_floats(quarter);
+    const Floats x = (angle - n * 1.57079637F) + n * 4.37113883e-08F;
+    const Floats q = x * x;
+    const Floats s = x * (1.0F + q * (-0.166666667F + q * (0.00833333333F + q * -0.000198412698F)));
+    const Floats c = 1.0F + q * (-0.5F + q * (0.0416666667F + q * (-0.00138888889F + q * 2.48015873e-05F)));
+    const Ints odd = (quarter & 1) != 0;
+    const Floats a = odd ? s : c, b = odd ? c : s;
+    cosine = ((quarter + 1) & 2) != 0 ? -a : a;
+    sine = (quarter & 2) != 0 ? -b : b;
 }
 
 } // namespace intersection_env::INTERSECTION_ENV_ISA

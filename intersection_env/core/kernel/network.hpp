@@ -1,4 +1,4 @@
-// The two networks, evaluated for all lanes at once.
+// The networks, evaluated for all lanes at once.
 #pragma once
 
 #include "kernel/lanes.hpp"
@@ -7,32 +7,49 @@
 namespace intersection_env::INTERSECTION_ENV_ISA {
 
 struct LeakyRelu {
-    Floats operator()(Floats x) const { return most(x, 0.01F * x); }
+    void operator()(Floats& x, Floats& y) const {
+        x = most(x, 0.01F * x);
+        y = most(y, 0.01F * y);
+    }
 };
 
 struct Tanh {
-    Floats operator()(Floats x) const { return tanh(x); }
+    void operator()(Floats& x, Floats& y) const { tanh_both(x, y); }
 };
+
+// One layer: HIDDEN outputs, a group of them at a time, so that sums stay in registers.
+template <int INPUTS, class Activation>
+inline void layer(const float* weight, const float* bias, const Floats* input, Activation activation, Floats* out) {
+    constexpr int GROUP = WIDTH == 16 ? 16 : 8;
+    for (int first = 0; first < HIDDEN; first += GROUP) {
+        Floats sums[GROUP];
+#pragma GCC unroll 16
+        for (int o = 0; o < GROUP; ++o) {
+            sums[o] = all(bias[first + o]);
+        }
+#pragma GCC unroll 16
+        for (int i = 0; i < INPUTS; ++i) {
+#pragma GCC unroll 16
+            for (int o = 0; o < GROUP; ++o) {
+                sums[o] += weight[(first + o) * INPUTS + i] * input[i];
+            }
+        }
+#pragma GCC unroll 16
+        for (int o = 0; o < GROUP; o += 2) {
+            activation(sums[o], sums[o + 1]);
+            out[first + o] = sums[o];
+            out[first + o + 1] = sums[o + 1];
+        }
+    }
+}
 
 // The output before any last activation. input: (INPUTS,) lanes.
 template <int INPUTS, class Activation>
-inline Floats evaluate(const Network<INPUTS>& network, const Floats* input, Activation activation) {
+__attribute__((noinline)) Floats evaluate(const Network<INPUTS>& network, const Floats* input, Activation activation) {
     Floats first[HIDDEN], second[HIDDEN];
-    for (int o = 0; o < HIDDEN; ++o) {
-        Floats sum = all(network.bias0[o]);
-        for (int i = 0; i < INPUTS; ++i) {
-            sum += network.weight0[o * INPUTS + i] * input[i];
-        }
-        first[o] = activation(sum);
-    }
+    layer<INPUTS>(network.weight0, network.bias0, input, activation, first);
+    layer<HIDDEN>(network.weight1, network.bias1, first, activation, second);
     Floats result = all(network.bias2[0]);
-    for (int o = 0; o < HIDDEN; ++o) {
-        Floats sum = all(network.bias1[o]);
-        for (int i = 0; i < HIDDEN; ++i) {
-            sum += network.weight1[o * HIDDEN + i] * first[i];
-        }
-        second[o] = activation(sum);
-    }
     for (int o = 0; o < HIDDEN; ++o) {
         result += network.weight2[o] * second[o];
     }

@@ -1,0 +1,386 @@
+// Starts, steps and rolls out a block of closed-loop worlds.
+#include "kernel/drive.hpp"
+#include "kernel/kernel.hpp"
+#include "kernel/results.hpp"
+#include "kernel/start.hpp"
+#include "kernel/world.hpp"
+
+namespace intersection_env::INTERSECTION_ENV_ISA {
+namespace {
+
+struct ClosedLoop {
+    World world, trial;
+    Floats action[MAX_VEHICLES], step_reward[MAX_VEHICLES];
+    Floats last_features[MAX_VEHICLES][FEATURES]; // of a vehicle that left
+};
+
+template <class Lanes, class Value>
+Lanes& lanes_at(Value* values, const ClosedLoopArguments& g, long row) {
+    return *reinterpret_cast<Lanes*>(values + row * BLOCK + g.first_lane);
+}
+
+// The lanes that stand for a world; the others are run along, and not written.
+unsigned used(const ClosedLoopArguments& g) {
+    const int count = g.worlds - g.first_lane;
+    return count >= WIDTH ? (1U << WIDTH) - 1 : (1U << count) - 1;
+}
+
+void load(const ClosedLoopArguments& g, World& world) {
+    for (int i = 0; i < g.vehicles; ++i) {
+        Slot& slot = world.slots[i];
+        slot.position = lanes_at<Floats>(g.position, g, i);
+        slot.speed = lanes_at<Floats>(g.speed, g, i);
+        slot.half_length = lanes_at<Floats>(g.half_length, g, i);
+        slot.half_width = lanes_at<Floats>(g.half_width, g, i);
+        slot.max_speed = lanes_at<Floats>(g.max_speed, g, i);
+        slot.acceleration = lanes_at<Floats>(g.acceleration, g, i);
+        slot.route = lanes_at<Ints>(g.route, g, i);
+        slot.delta = lanes_at<Ints>(g.delta, g, i);
+        slot.hold = lanes_at<Ints>(g.hold, g, i);
+        load_route(g.tables, slot);
+    }
+    for (int k = 0; k < 4; ++k) {
+        world.random.s[k] = lanes_at<Words>(g.random, g, k);
+    }
+    world.cycle = lanes_at<Ints>(g.cycle, g, 0);
+    world.exists = lane_numbers() < g.worlds - g.first_lane;
+}
+
+void store(const ClosedLoopArguments& g, Ints changed, const World& world) {
+    const auto put = [&](auto& target, const auto& source) { target = changed ? source : target; };
+    for (int i = 0; i < g.vehicles; ++i) {
+        const Slot& slot = world.slots[i];
+        put(lanes_at<Floats>(g.position, g, i), slot.position);
+        put(lanes_at<Floats>(g.speed, g, i), slot.speed);
+        put(lanes_at<Floats>(g.half_length, g, i), slot.half_length);
+        put(lanes_at<Floats>(g.half_width, g, i), slot.half_width);
+        put(lanes_at<Floats>(g.max_speed, g, i), slot.max_speed);
+        put(lanes_at<Floats>(g.acceleration, g, i), slot.acceleration);
+        put(lanes_at<Ints>(g.route, g, i), slot.route);
+        put(lanes_at<Ints>(g.delta, g, i), slot.delta);
+        put(lanes_at<Ints>(g.hold, g, i), slot.hold);
+    }
+    for (int k = 0; k < 4; ++k) {
+        put(lanes_at<Words>(g.random, g, k), world.random.s[k]);
+    }
+    put(lanes_at<Ints>(g.cycle, g, 0), world.cycle);
+}
+
+template <class Value>
+Value* from_lane(Value* results, const ClosedLoopArguments& g, long per_world) {
+    return results + g.first_lane * per_world;
+}
+
+void write_observation(const ClosedLoopArguments& g, const World& world, unsigned wanted) {
+    for (int i = 0; i < g.vehicles; ++i) {
+        Floats features[FEATURES];
+        driving_features(world.slots[i], features);
+        store_rows<3>(features, from_lane(g.observation, g, g.vehicles * FEATURES) + i * FEATURES,
+                      g.vehicles * FEATURES, wanted);
+    }
+}
+
+// A vehicle that has left, alone at the end of its route: its last features, and what it is paid.
+void take_leave(const Tables& tables, ClosedLoop& run, int i) {
+    Slot gone = run.world.slots[i];
+    observe_vehicle(tables, gone);
+    gone.delta = all_ints(-1);
+    driving_features(gone, run.last_features[i]);
+    run.step_reward[i] = reward(gone, gone.acceleration, Ints{});
+}
+
+void reinsert(const Tables& tables, int count, ClosedLoop& run, int i) {
+    World& world = run.world;
+    Slot& slot = world.slots[i];
+    const Ints left = slot.left;
+    const Ints route = world.random.index(left, tables.route_count);
+    slot.route = left ? route : slot.route;
+    draw_size(left, world.random, slot);
+    load_route(tables, slot);
+    slot.position = left ? all(0.0F) : slot.position;
+    slot.delta = left ? Ints{} : slot.delta;
+    slot.hold = left ? all_ints(-1) : slot.hold;
+    observe_vehicle(tables, slot);
+    for (int j = 0; j < count; ++j) {
+        const Slot& other = world.slots[j];
+        const Floats rear = other.position - other.half_length, front = other.position + other.half_length;
+        const Relation r = relation(tables, slot, other);
+        const Floats ahead = other.position - r.offset - slot.position;
+        const Ints there = ((slot.rear < r.split) & (rear < r.split)) | (r.merging & (front > r.other_end));
+        const Ints counts = j == i ? Ints{} : (j < i ? all_ints(-1) : ~run.world.slots[j].left);
+        follow(slot, counts & there & (ahead > 0.0F), ahead - (slot.half_length + other.half_length), other.speed,
+               all_ints(-1));
+    }
+    const Ints waits = slot.delta;
+    slot.delta = all_ints(-1); // the stop line is far
+    const Floats speed = drawn_speed(left, world.random, slot);
+    slot.delta = waits;
+    slot.speed = left ? speed : slot.speed;
+}
+
+// From actions to the new state, rewards and ends. Returns the mask of worlds that end.
+template <Gap GAP>
+Ints step(const ClosedLoopArguments& g, ClosedLoop& run) {
+    World& world = run.world;
+    const int count = g.vehicles;
+    Ints any_left{};
+    for (int i = 0; i < count; ++i) {
+        Slot& slot = world.slots[i];
+        slot.acceleration = advance(g.acceleration_scale * run.action[i], -UNBOUNDED, all_ints(-1), slot);
+        slot.left = (slot.position >= slot.route_length) | (slot.position < 0.0F);
+        any_left |= slot.left;
+    }
+    if (any(any_left)) {
+        for (int i = 0; i < count; ++i) {
+            if (any(world.slots[i].left)) {
+                take_leave(g.tables, run, i);
+                reinsert(g.tables, count, run, i);
+            }
+        }
+    }
+    for (int i = 0; i < count; ++i) {
+        observe_vehicle(g.tables, world.slots[i]);
+        locate(g.tables, world.slots[i]);
+    }
+    decide<GAP>(g.tables, g.gap_network, count, true, world);
+    world.cycle += 1;
+    Ints ends = world.collided | (world.cycle >= g.max_cycles);
+    for (int i = 0; i < count; ++i) {
+        const Slot& slot = world.slots[i];
+        const Floats paid = reward(slot, slot.acceleration, slot.blamed);
+        run.step_reward[i] = slot.left ? run.step_reward[i] : paid;
+        ends |= slot.left & (trespass(slot) > TOLERANCE);
+    }
+    return ends;
+}
+
+// The features that a cut vehicle saw last.
+void final_features(const ClosedLoop& run, int i, Floats* features) {
+    driving_features(run.world.slots[i], features);
+    for (int f = 0; f < FEATURES; ++f) {
+        features[f] = run.world.slots[i].left ? run.last_features[i][f] : features[f];
+    }
+}
+
+void write_results(const ClosedLoopArguments& g, ClosedLoop& run, Ints ran, Ints ends) {
+    const unsigned wanted = used(g), written = wanted & bits(ran), ended = written & bits(ends);
+    const long stride = g.vehicles;
+    for (std::uint8_t* flags : {g.terminated, g.truncated, g.reinserted}) {
+        clear_flags(from_lane(flags, g, stride), stride, wanted);
+    }
+    clear_flags(from_lane(g.done, g, 1), 1, wanted);
+    set_flags(from_lane(g.done, g, 1), 1, ended);
+    for (int i = 0; i < g.vehicles; ++i) {
+        run.step_reward[i] = ran ? run.step_reward[i] : all(0.0F);
+        const unsigned cut = written & (ended | bits(run.world.slots[i].left));
+        if (cut == 0) {
+            continue;
+        }
+        const unsigned blamed = ended & bits(run.world.slots[i].blamed);
+        set_flags(from_lane(g.terminated, g, stride) + i, stride, blamed);
+        set_flags(from_lane(g.truncated, g, stride) + i, stride, ended & ~blamed);
+        set_flags(from_lane(g.reinserted, g, stride) + i, stride, cut & ~ended);
+        Floats features[FEATURES];
+        final_features(run, i, features);
+        store_rows<3>(features, from_lane(g.final_observation, g, stride * FEATURES) + i * FEATURES, stride * FEATURES,
+                      cut);
+    }
+    store_columns(run.step_reward, g.vehicles, from_lane(g.reward, g, stride), stride, wanted);
+}
+
+// What the state says, seen again; decisions stay as they are.
+template <Gap GAP>
+void look(const ClosedLoopArguments& g, World& world) {
+    Ints delta[MAX_VEHICLES], hold[MAX_VEHICLES];
+    for (int i = 0; i < g.vehicles; ++i) {
+        delta[i] = world.slots[i].delta;
+        hold[i] = world.slots[i].hold;
+        observe_vehicle(g.tables, world.slots[i]);
+    }
+    decide<GAP>(g.tables, g.gap_network, g.vehicles, false, world);
+    for (int i = 0; i < g.vehicles; ++i) {
+        world.slots[i].delta = delta[i];
+        world.slots[i].hold = hold[i];
+    }
+}
+
+// The state of one lane to that of one world, anywhere.
+void store_lane(const ClosedLoopArguments& g, const World& world, int lane, long index) {
+    const long first = index / BLOCK * BLOCK, place = index % BLOCK;
+    for (int i = 0; i < g.vehicles; ++i) {
+        const Slot& slot = world.slots[i];
+        const long k = (first * g.vehicles) + static_cast<long>(i) * BLOCK + place;
+        g.position[k] = slot.position[lane];
+        g.speed[k] = slot.speed[lane];
+        g.half_length[k] = slot.half_length[lane];
+        g.half_width[k] = slot.half_width[lane];
+        g.max_speed[k] = slot.max_speed[lane];
+        g.acceleration[k] = slot.acceleration[lane];
+        g.route[k] = slot.route[lane];
+        g.delta[k] = slot.delta[lane];
+        g.hold[k] = slot.hold[lane];
+    }
+    for (int k = 0; k < 4; ++k) {
+        g.random[first * 8 + k * BLOCK + place] = world.random.s[k][lane];
+    }
+    g.cycle[index] = world.cycle[lane];
+    g.ended[index] = 0;
+}
+
+// New starts for listed worlds, a row of lanes at a time.
+template <Gap GAP>
+bool run_start(const ClosedLoopArguments& g, ClosedLoop& run) {
+    World& world = run.world;
+    const Ints wanted = lane_numbers() < g.listed_count;
+    for (int l = 0; l < WIDTH; ++l) {
+        const long index = g.listed[l < g.listed_count ? l : 0];
+        for (int k = 0; k < 4; ++k) {
+            world.random.s[k][l] = g.random[index / BLOCK * BLOCK * 8 + k * BLOCK + index % BLOCK];
+        }
+    }
+    if (!start<GAP>(g.tables, g.gap_network, g.vehicles, wanted, world, run.trial)) {
+        return false;
+    }
+    if (g.desynchronise) {
+        world.cycle = world.random.index(wanted, g.max_cycles);
+    }
+    for (int l = 0; l < g.listed_count; ++l) {
+        store_lane(g, world, l, g.listed[l]);
+    }
+    for (int i = 0; i < g.vehicles; ++i) {
+        Floats features[FEATURES];
+        driving_features(world.slots[i], features);
+        for (int l = 0; l < g.listed_count; ++l) {
+            float* row = g.observation + (static_cast<long>(g.listed[l]) * g.vehicles + i) * FEATURES;
+            store_rows<3>(features, row - l, 1, 1U << l);
+        }
+    }
+    return true;
+}
+
+template <Gap GAP>
+void run_step(const ClosedLoopArguments& g, ClosedLoop& run) {
+    const unsigned lanes = used(g);
+    Ints& ended = lanes_at<Ints>(g.ended, g, 0);
+    const Ints ran = ~ended;
+    load(g, run.world);
+    load_columns(from_lane(g.action, g, g.vehicles), g.vehicles, g.vehicles, lanes, run.action);
+    const Ints ends = step<GAP>(g, run);
+    write_results(g, run, ran, ends);
+    store(g, ran, run.world);
+    write_observation(g, run.world, lanes & bits(ran));
+    ended |= ends & run.world.exists;
+}
+
+Place place_of(const ClosedLoopArguments& g, int step, int vehicle) {
+    const long stride = static_cast<long>(g.steps) * g.vehicles;
+    return {g.first_lane * stride + static_cast<long>(step) * g.vehicles + vehicle, stride};
+}
+
+// Samples every vehicle's action, and writes what led to it.
+void act(const ClosedLoopArguments& g, int step, Random& noise, const Ints* cut, ClosedLoop& run) {
+    const Rollout& r = *g.rollout;
+    const unsigned lanes = used(g);
+    Floats normal[2];
+    for (int i = 0; i < g.vehicles; ++i) {
+        if (i % 2 == 0) {
+            noise.normal(all_ints(-1), normal[0], normal[1]);
+        }
+        Floats features[FEATURES];
+        driving_features(run.world.slots[i], features);
+        const Place at = place_of(g, step, i);
+        run.action[i] = sample_action(r, at, lanes, features, normal[i % 2]);
+        const Floats value = evaluate<FEATURES>(*r.value, features, Tanh{});
+        put(r.value_now, at, lanes, value);
+        if (step > 0) {
+            put(r.value_next, place_of(g, step - 1, i), lanes & ~bits(cut[i]), value);
+        }
+    }
+}
+
+// Ends and rewards of a rollout's step; cut: the vehicles whose return ends here.
+void conclude(const ClosedLoopArguments& g, int step, Ints ends, Ints* cut, const ClosedLoop& run) {
+    const Rollout& r = *g.rollout;
+    const unsigned lanes = used(g);
+    for (int i = 0; i < g.vehicles; ++i) {
+        const Place at = place_of(g, step, i);
+        cut[i] = ends | run.world.slots[i].left;
+        put(r.reward, at, lanes, run.step_reward[i]);
+        put_flags(r.terminated, at, lanes, ends & run.world.slots[i].blamed);
+        put_flags(r.cut, at, lanes, cut[i]);
+        if (any(cut[i])) {
+            Floats features[FEATURES];
+            final_features(run, i, features);
+            put(r.value_next, at, lanes & bits(cut[i]), evaluate<FEATURES>(*r.value, features, Tanh{}));
+        }
+    }
+}
+
+template <Gap GAP>
+bool run_rollout(const ClosedLoopArguments& g, ClosedLoop& run) {
+    World& world = run.world;
+    Ints cut[MAX_VEHICLES];
+    load(g, world);
+    look<GAP>(g, world);
+    Random noise;
+    for (int k = 0; k < 4; ++k) {
+        noise.s[k] = lanes_at<Words>(g.random, g, 4 + k);
+    }
+    for (int step_index = 0; step_index < g.steps; ++step_index) {
+        act(g, step_index, noise, cut, run);
+        const Ints ends = step<GAP>(g, run) & world.exists;
+        conclude(g, step_index, ends, cut, run);
+        if (any(ends) && !start<GAP>(g.tables, g.gap_network, g.vehicles, ends, world, run.trial)) {
+            return false;
+        }
+    }
+    for (int i = 0; i < g.vehicles && g.steps > 0; ++i) {
+        Floats features[FEATURES];
+        driving_features(world.slots[i], features);
+        put(g.rollout->value_next, place_of(g, g.steps - 1, i), used(g) & ~bits(cut[i]),
+            evaluate<FEATURES>(*g.rollout->value, features, Tanh{}));
+    }
+    store(g, all_ints(-1), world);
+    for (int k = 0; k < 4; ++k) {
+        lanes_at<Words>(g.random, g, 4 + k) = noise.s[k];
+    }
+    write_observation(g, world, used(g));
+    return true;
+}
+
+template <Gap GAP>
+bool run_task(const ClosedLoopArguments& g, ClosedLoop& run) {
+    switch (g.task) {
+    case Task::start:
+        return run_start<GAP>(g, run);
+    case Task::step:
+        run_step<GAP>(g, run);
+        return true;
+    case Task::rollout:
+        return run_rollout<GAP>(g, run);
+    default:
+        load(g, run.world);
+        look<GAP>(g, run.world);
+        write_observation(g, run.world, used(g));
+        return true;
+    }
+}
+
+} // namespace
+
+Workspace* create_closed_loop() { return reinterpret_cast<Workspace*>(new ClosedLoop()); }
+void destroy_closed_loop(Workspace* workspace) { delete reinterpret_cast<ClosedLoop*>(workspace); }
+
+bool run_closed_loop(const ClosedLoopArguments& g, Workspace& workspace) {
+    ClosedLoop& run = reinterpret_cast<ClosedLoop&>(workspace);
+    switch (g.gap) {
+    case Gap::critical_gap:
+        return run_task<Gap::critical_gap>(g, run);
+    case Gap::sumo:
+        return run_task<Gap::sumo>(g, run);
+    default:
+        return run_task<Gap::network>(g, run);
+    }
+}
+
+} // namespace intersection_env::INTERSECTION_ENV_ISA

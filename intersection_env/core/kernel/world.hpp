@@ -1,0 +1,220 @@
+// A block of closed-loop worlds: each lane is a world, each vehicle in it has a route of its own.
+#pragma once
+
+#include "contact.hpp"
+#include "kernel/decide.hpp"
+#include "kernel/random.hpp"
+#include "kernel/reward.hpp"
+#include "worlds.hpp"
+
+namespace intersection_env::INTERSECTION_ENV_ISA {
+
+struct Slot : VehicleLanes {
+    Floats half_length, half_width, max_speed, acceleration;
+    Ints route;
+
+    Floats stop_line, route_length, first_conflict, last_row; // of the route
+    Ints first_row, stop_lane, overlaps, pair_row;
+
+    Floats x, y, braked_x, braked_y, reach; // reach: no circle goes further from the centre [m]
+    Ints left, blamed;                      // masks; left: reinserted in this step
+
+    Ints first() const { return first_row; }
+    Floats last() const { return last_row; }
+    Floats top_speed() const { return max_speed; }
+};
+
+// Gap decisions that wait for the network, which takes them a full row of lanes at a time.
+struct Waiting {
+    Floats features[2][GAP_INPUTS];
+    int vehicle[2 * WIDTH], lane[2 * WIDTH];
+    int count;
+};
+
+struct World {
+    Slot slots[MAX_VEHICLES];
+    Random random;
+    Ints cycle, collided;
+    Ints exists; // mask: the lanes that stand for a world
+    Waiting waiting;
+};
+
+inline void load_route(const Tables& tables, Slot& slot) {
+    Floats row[ROUTE_COLUMNS];
+    load_rows<2>(tables.routes, slot.route * ROUTE_COLUMNS, row);
+    slot.stop_line = row[0];
+    slot.route_length = row[1];
+    slot.first_conflict = row[2];
+    slot.first_row = as_ints(row[3]);
+    slot.last_row = row[4];
+    slot.stop_lane = as_ints(row[5]);
+    slot.overlaps = as_ints(row[6]) | (as_ints(row[7]) << 16);
+    slot.pair_row = slot.route * (tables.route_count * PAIR_COLUMNS);
+    slot.reach = slot.half_length * (2.0F * CIRCLE_OFFSET) + slot.half_width * (2.0F * CIRCLE_RADIUS);
+}
+
+inline void observe_vehicle(const Tables& tables, Slot& slot) {
+    observe_road(tables.observed, tables.inverse_spacing, slot, true, slot);
+    forget_lead(slot);
+    slot.refused = slot.blamed = Ints{};
+}
+
+// Beyond its end a route goes straight on.
+inline void locate(const Tables& tables, const Slot& slot, Floats position, Floats& x, Floats& y) {
+    const Floats grid = most(position * tables.inverse_spacing, all(0.0F));
+    const Ints row = as_ints(least(grid, slot.last_row - 1.0F));
+    Floats point[4];
+    load_rows<1>(tables.points, (slot.first_row + row) * 4, point);
+    const Floats f = grid - as_floats(row);
+    x = point[0] + f * point[2];
+    y = point[1] + f * point[3];
+}
+
+inline void locate(const Tables& tables, Slot& slot) {
+    locate(tables, slot, slot.position, slot.x, slot.y);
+    locate(tables, slot, slot.position + slot.braking_distance, slot.braked_x, slot.braked_y);
+}
+
+// What two routes are to each other; see PAIR_COLUMNS.
+struct Relation {
+    Floats own_end, other_end, kind; // kind: 1 crossing, 2 merging, negative where the other yields; 0 no conflict
+    Floats split, offset;            // of a shared lane: before a split; after a merge
+    Ints merging;
+};
+
+inline Relation relation(const Tables& tables, const Slot& own, const Slot& other) {
+    Floats row[PAIR_COLUMNS];
+    load_rows<1>(tables.pairs, own.pair_row + other.route * PAIR_COLUMNS, row);
+    const Ints entry = row[3] == SHARED_ENTRY, merging = magnitude(row[3]) == 2.0F;
+    return {row[0], row[1], entry ? all(0.0F) : row[3], entry ? row[2] : all(-FAR), merging ? row[2] : all(0.0F),
+            merging};
+}
+
+// The network's answers to the first `count` that wait.
+inline void answer(const GapNetwork& network, World& world, int count) {
+    const Floats logit = evaluate<GAP_INPUTS>(network, world.waiting.features[0], LeakyRelu{});
+    for (int k = 0; k < count; ++k) {
+        if (!(logit[k] > 0.0F)) {
+            world.slots[world.waiting.vehicle[k]].refused[world.waiting.lane[k]] = -1;
+        }
+    }
+}
+
+inline void ask(const GapNetwork& network, const Encounter& met, Ints open, Ints first_yields, int i, int j,
+                World& world) {
+    Waiting& waiting = world.waiting;
+    Floats features[GAP_INPUTS];
+    gap_features(met, features);
+    for (unsigned lanes = bits(open); lanes != 0; lanes &= lanes - 1) {
+        const int l = __builtin_ctz(lanes);
+        const int k = waiting.count++;
+        for (int f = 0; f < GAP_INPUTS; ++f) {
+            waiting.features[k / WIDTH][f][k % WIDTH] = features[f][l];
+        }
+        waiting.vehicle[k] = first_yields[l] != 0 ? i : j;
+        waiting.lane[k] = l;
+    }
+    if (waiting.count >= WIDTH) {
+        answer(network, world, WIDTH);
+        waiting.count -= WIDTH;
+        for (int f = 0; f < GAP_INPUTS; ++f) {
+            waiting.features[0][f] = waiting.features[1][f];
+        }
+        for (int k = 0; k < waiting.count; ++k) {
+            waiting.vehicle[k] = waiting.vehicle[k + WIDTH];
+            waiting.lane[k] = waiting.lane[k + WIDTH];
+        }
+    }
+}
+
+// Who leads whom, and whether the one that yields to the other accepts the gap. seen: what a has seen so far.
+template <Gap GAP>
+inline void meet(const Tables& tables, const GapNetwork* network, World& world, int i, int j, Seen& seen) {
+    Slot &a = world.slots[i], &b = world.slots[j];
+    const Relation r = relation(tables, a, b);
+    const Floats ahead = b.position - r.offset - a.position;
+    const Ints entry = (a.rear < r.split) & (b.rear < r.split), same_lane = a.stop_lane == b.stop_lane;
+    const Floats gap = magnitude(ahead) - (a.half_length + b.half_length);
+    follow(seen, (ahead > 0.0F) & (entry | (r.merging & (b.front > r.other_end))), gap, b.speed,
+           same_lane ? b.hold : all_ints(-1));
+    follow(b, (ahead < 0.0F) & (entry | (r.merging & (a.front > r.own_end))), gap, a.speed,
+           same_lane ? a.hold : all_ints(-1));
+
+    const Ints a_yields = r.kind > 0.0F;
+    const Floats rear = a_yields ? a.rear : b.rear, pga = a_yields ? r.own_end : r.other_end;
+    const Floats foe_position = a_yields ? b.position : a.position, foe_end = a_yields ? r.other_end : r.own_end;
+    const Ints foe_hold = a_yields ? b.hold : a.hold, route = a_yields ? a.route : b.route;
+    const Ints open = (r.kind != 0.0F) & (rear < pga) & (foe_position < foe_end) & (foe_hold <= route);
+    if (!any(open)) {
+        return;
+    }
+    const Encounter met = {pga - rear,
+                           a_yields ? a.speed : b.speed,
+                           a_yields ? a.v_max() : b.v_max(),
+                           a_yields ? a.distance_to_stop_line : b.distance_to_stop_line,
+                           a_yields ? b.distance_to_stop_line : a.distance_to_stop_line,
+                           a_yields ? b.speed : a.speed,
+                           a_yields ? b.v_max() : a.v_max(),
+                           foe_end - (a_yields ? b.rear : a.rear),
+                           r.merging};
+    if constexpr (GAP == Gap::network) {
+        ask(*network, met, open, a_yields, i, j, world);
+    } else {
+        const Ints refused = open & ~accepts_gap(GAP, nullptr, met);
+        seen.refused |= refused & a_yields;
+        b.refused |= refused & ~a_yields;
+    }
+}
+
+// Marks who is to blame where two vehicles collide. Circles that are far apart are not looked at closely.
+inline void touch(const Tables& tables, World& world, int i, int j) {
+    Slot &a = world.slots[i], &b = world.slots[j];
+    constexpr float MARGIN = COLLISION_DISTANCE + 0.1F; // rounding, and headings beyond the end of a route
+    const Floats far = a.reach + b.reach + MARGIN;
+    const Floats x = a.x - b.x, y = a.y - b.y, p = a.braked_x - b.braked_x, q = a.braked_y - b.braked_y;
+    const Ints near = ((x * x + y * y < far * far) | (p * p + q * q < far * far)) &
+                      (((a.overlaps >> b.route) & 1) != 0) & world.exists;
+    for (unsigned lanes = bits(near); lanes != 0; lanes &= lanes - 1) {
+        const int l = __builtin_ctz(lanes);
+        const Body body_a{a.route[l], a.position[l], 2.0F * a.half_length[l], 2.0F * a.half_width[l]};
+        const Body body_b{b.route[l], b.position[l], 2.0F * b.half_length[l], 2.0F * b.half_width[l]};
+        if (collide(*tables.map, body_a, body_b, a.braking_distance[l], b.braking_distance[l])) {
+            world.collided[l] = -1;
+            if ((a.left[l] | b.left[l]) != 0) {
+                continue; // a newcomer without room is nobody's fault
+            }
+            const Blame blame = to_blame(*tables.map, body_a, body_b);
+            a.blamed[l] |= blame.a ? -1 : 0;
+            b.blamed[l] |= blame.b ? -1 : 0;
+        }
+    }
+}
+
+// Needs observe_vehicle of each, and the memories before the decision; contacts: needs locate, and looks for
+// collisions.
+template <Gap GAP>
+inline void decide(const Tables& tables, const GapNetwork* network, int count, bool contacts, World& world) {
+    world.waiting.count = 0;
+    world.collided = Ints{};
+    for (int i = 0; i < count; ++i) {
+        Slot& slot = world.slots[i];
+        Seen seen = slot;
+        for (int j = i + 1; j < count; ++j) {
+            meet<GAP>(tables, network, world, i, j, seen);
+            if (contacts) {
+                touch(tables, world, i, j);
+            }
+        }
+        const Ints refused = slot.refused | seen.refused; // the network may have answered in between
+        static_cast<Seen&>(slot) = seen;
+        slot.refused = refused;
+    }
+    if (GAP == Gap::network && world.waiting.count > 0) {
+        answer(*network, world, world.waiting.count);
+    }
+    for (int i = 0; i < count; ++i) {
+        decide_vehicle(world.slots[i], world.slots[i].route);
+    }
+}
+
+} // namespace intersection_env::INTERSECTION_ENV_ISA

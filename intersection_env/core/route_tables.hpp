@@ -1,0 +1,18 @@
+// The samples of all routes, row after row, as the kernels read them.
+#pragma once
+
+#include <vector>
+
+#include "map.hpp"
+
+namespace intersection_env {
+
+struct RouteTables {
+    explicit RouteTables(const Map& map);
+
+    std::vector<int> first_row;  // (route,)
+    std::vector<float> observed; // (row, OBSERVED_COLUMNS): v_max, six relative headings, 0
+    std::vector<float> pose;     // (row, POSE_COLUMNS): x, y, heading, 0
+};
+
+} // namespace intersection_env
