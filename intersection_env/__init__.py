@@ -1,21 +1,46 @@
-"""Traffic at unsignalized intersections: maps, recorded scenes, prediction, maneuvers."""
+"""Traffic at unsignalized intersections: maps, recorded scenes, prediction, maneuvers, environments for learning.
 
+Importing it registers `intersection_env/Replay-v0` with Gymnasium and `intersection_env/ClosedLoop-v0` with PettingZoo.
+"""
+
+import gymnasium
+import pettingzoo
+
+from intersection_env.closed_loop import ClosedLoop, env, parallel_env
 from intersection_env.intersection import Intersection
 from intersection_env.maneuvers import crossing_orders, rank_maneuvers
 from intersection_env.predictor import Observation, Prediction, Predictor, Summary
+from intersection_env.replay import Replay
+from intersection_env.replay_vector import ReplayVector
 from intersection_env.scenes import Scene, Scenes
 from intersection_env.traffic import Traffic, Vehicle
+from intersection_env.worlds import ClosedLoopWorlds, ReplayWorlds
 
 __all__ = [
+    "ClosedLoop",
+    "ClosedLoopWorlds",
     "Intersection",
     "Observation",
     "Prediction",
     "Predictor",
+    "Replay",
+    "ReplayVector",
+    "ReplayWorlds",
     "Scene",
     "Scenes",
     "Summary",
     "Traffic",
     "Vehicle",
     "crossing_orders",
+    "env",
+    "parallel_env",
     "rank_maneuvers",
 ]
+
+gymnasium.register(
+    "intersection_env/Replay-v0",
+    entry_point="intersection_env.replay:Replay",
+    vector_entry_point="intersection_env.replay_vector:ReplayVector",
+)
+pettingzoo.register("parallel", "intersection_env/ClosedLoop-v0", "intersection_env.closed_loop:parallel_env")
+pettingzoo.register("aec", "intersection_env/ClosedLoop-v0", "intersection_env.closed_loop:env")

@@ -1,6 +1,6 @@
 """The C++ core: maps, conflicts, crossing orders, prediction."""
 
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy
 from numpy.typing import NDArray
@@ -180,10 +180,10 @@ class ClosedLoop:
         Steps with the policy inside; fills arrays (world, step, vehicle[, feature]).
         """
 
-    def state(self) -> dict:
+    def state(self) -> dict[str, Any]:
         """Everything, as arrays (world, vehicle), (world,) and (world, 8)."""
 
-    def set_state(self, state: dict) -> None: ...
+    def set_state(self, state: dict[str, Any]) -> None: ...
 
     @property
     def action(self) -> NDArray[numpy.float32]: ...
@@ -212,7 +212,7 @@ class ClosedLoop:
 class Replay:
     """Replay worlds; the arrays are views of what the next step overwrites."""
 
-    def __init__(self, map: Map, policy: Policy, recording: bool, scenes: dict, actors: Annotated[NDArray[numpy.int32], dict(shape=(None,), order='C', device='cpu', writable=False)], worlds: int, autoreset: str, threads: int, isa: str | None = None) -> None: ...
+    def __init__(self, map: Map, policy: Policy, recording: bool, scenes: dict[str, Any], actors: Annotated[NDArray[numpy.int32], dict(shape=(None,), order='C', device='cpu', writable=False)], worlds: int, autoreset: str, threads: int, isa: str | None = None) -> None: ...
 
     def reset(self, seed: int, desynchronise: bool) -> None: ...
 
@@ -226,10 +226,10 @@ class Replay:
     def rollout(self, policy: Annotated[NDArray[numpy.float32], dict(shape=(None,), order='C', device='cpu', writable=False)], value: Annotated[NDArray[numpy.float32], dict(shape=(None,), order='C', device='cpu', writable=False)], sigma: float, steps: int, observation: Annotated[NDArray[numpy.float32], dict(order='C', device='cpu')], latent: Annotated[NDArray[numpy.float32], dict(order='C', device='cpu')], log_probability: Annotated[NDArray[numpy.float32], dict(order='C', device='cpu')], value_now: Annotated[NDArray[numpy.float32], dict(order='C', device='cpu')], value_next: Annotated[NDArray[numpy.float32], dict(order='C', device='cpu')], reward: Annotated[NDArray[numpy.float32], dict(order='C', device='cpu')], terminated: Annotated[NDArray[numpy.bool_], dict(order='C', device='cpu')], cut: Annotated[NDArray[numpy.bool_], dict(order='C', device='cpu')]) -> None:
         """Steps with the policy inside; fills arrays (world, step[, feature])."""
 
-    def state(self) -> dict:
+    def state(self) -> dict[str, Any]:
         """Everything, as arrays (world,) and (world, 8)."""
 
-    def set_state(self, state: dict) -> None: ...
+    def set_state(self, state: dict[str, Any]) -> None: ...
 
     @property
     def action(self) -> NDArray[numpy.float32]: ...

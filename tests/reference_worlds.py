@@ -289,7 +289,7 @@ def violations(intersection: Map, state: State) -> list[str]:
 
 @dataclass(frozen=True)
 class Track:
-    """One recorded vehicle, from step `start` of its scene; position, speed, acceleration, observed: (time,).
+    """One recorded vehicle, from step `start` of its scene; position, speed, observed: (time,).
 
     Not observed: extrapolated into the past.
     """
@@ -301,13 +301,17 @@ class Track:
     start: int
     position: Floats
     speed: Floats
-    acceleration: Floats
     observed: Booleans
 
     @property
     def stop(self) -> int:
         """The first step at which it is no longer there."""
         return self.start + len(self.position)
+
+    def acceleration(self, time: int) -> float:
+        """What takes it on from that step of its scene to the next; at the last one, what brought it there."""
+        k = min(time - self.start, len(self.speed) - 2)
+        return float(self.speed[k + 1] - self.speed[k]) / TIME_STEP
 
     @property
     def first_recorded(self) -> int:

@@ -1,6 +1,6 @@
 """Tries the installed wheel from an empty folder; not collected by pytest (`.ci/run` runs it).
 
-The wheel alone must do a planner's job: no checkout, no torch, no SUMO, no matplotlib.
+The wheel alone must do a planner's and a learner's job: no checkout, no torch, no SUMO, no matplotlib, no pygame.
 """
 
 from __future__ import annotations
@@ -9,12 +9,16 @@ import importlib.util
 import sys
 from pathlib import Path
 
+import gymnasium
+import numpy as np
+import pettingzoo
+
 import intersection_env
-from intersection_env import Intersection, Predictor, Traffic, Vehicle, rank_maneuvers
+from intersection_env import Intersection, Predictor, Scenes, Traffic, Vehicle, rank_maneuvers
 
 
 def main() -> None:
-    """Ranks the crossing orders of three vehicles on each shipped map."""
+    """Ranks the crossing orders of three vehicles on each shipped map, and steps every environment."""
     installed = Path(intersection_env.__file__).resolve()
     assert Path(sys.prefix).resolve() in installed.parents, f"not the wheel: {installed}"
     for name in ("data", "agents", "imitation", "experiments", "tests"):
@@ -27,7 +31,22 @@ def main() -> None:
         table = rank_maneuvers(Predictor.load("idm"), Traffic.of(intersection, vehicles))
         assert len(table) == 5, table
         assert table.total_time_loss.notna().all()
+    step_environments()
     print(f"the wheel works: {intersection_env._core.kernel_name()} kernel")
+
+
+def step_environments() -> None:
+    """A few steps through each door, with the scenes that ship."""
+    assert len(Scenes.load("bendplatz").select("train")) > 0
+    replay = gymnasium.make("intersection_env/Replay-v0")
+    replay.reset(seed=1)
+    replay.step(np.zeros(1, np.float32))
+    replays = gymnasium.make_vec("intersection_env/Replay-v0", num_envs=8)
+    replays.reset(seed=1)
+    replays.step(np.zeros((8, 1), np.float32))
+    loop = pettingzoo.make("parallel", "intersection_env/ClosedLoop-v0", gap="gap")
+    loop.reset(seed=1)
+    loop.step({agent: np.zeros(1, np.float32) for agent in loop.agents})
 
 
 if __name__ == "__main__":

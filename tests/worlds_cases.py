@@ -314,7 +314,6 @@ def window(scene: Scene, begin: int, steps: int) -> reference_worlds.Scene:
             start=first - begin,
             position=track.position[part].astype(np.float64),
             speed=track.speed[part].astype(np.float64),
-            acceleration=track.acceleration[part].astype(np.float64),
             observed=track.observed[part].astype(np.bool_),
         )
         tracks.append(one)
@@ -334,10 +333,9 @@ def driven(
     """A vehicle recorded at a constant speed, or at these speeds; 4 m by 2 m."""
     fast = np.broadcast_to(np.asarray(speed, np.float32).astype(np.float64), steps).copy()
     travelled = np.concatenate([[0.0], np.cumsum(reference.TIME_STEP * (fast[:-1] + fast[1:]) / 2)])
-    change = np.append(np.diff(fast), 0.0) / reference.TIME_STEP
-    rounded = ((position + travelled).astype(np.float32).astype(np.float64), fast, change)
+    where = (position + travelled).astype(np.float32).astype(np.float64)
     index = Intersection.load(name).route_index(route)
-    return reference_worlds.Track(index, length, 2.0, max_speed, start, *rounded, np.ones(steps, np.bool_))
+    return reference_worlds.Track(index, length, 2.0, max_speed, start, where, fast, np.ones(steps, np.bool_))
 
 
 def scene_of(*tracks: reference_worlds.Track) -> reference_worlds.Scene:
@@ -367,7 +365,6 @@ def core_of_scenes(scenes: Sequence[reference_worlds.Scene]) -> Arrays:
         "track_samples": np.cumsum([0, *(len(track.position) for track in tracks)], dtype=np.int64),
         "position": joined("position", np.float32),
         "speed": joined("speed", np.float32),
-        "acceleration": joined("acceleration", np.float32),
         "observed": joined("observed", np.bool_),
     }
 

@@ -28,6 +28,8 @@ namespace {
 
 template <class T>
 using Vector = nb::ndarray<const T, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
+using Arrays = nb::typed<nb::dict, nb::str, nb::any>; // by name
+
 template <class T>
 using Table = nb::ndarray<const T, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
 
@@ -191,7 +193,7 @@ nb::ndarray<nb::numpy, T> copied(const std::vector<Stored>& values, std::initial
 
 // One array of a state, by name; its size is checked by whoever takes the state.
 template <class T, class Stored>
-void take(const nb::dict& state, const char* name, std::vector<Stored>& values) {
+void take(const Arrays& state, const char* name, std::vector<Stored>& values) {
     using Array = nb::ndarray<const T, nb::c_contig, nb::device::cpu>;
     Array array;
     if (!state.contains(name) || !nb::try_cast<Array>(state[name], array, false)) {
@@ -201,10 +203,10 @@ void take(const nb::dict& state, const char* name, std::vector<Stored>& values) 
     values.assign(array.data(), array.data() + array.size());
 }
 
-nb::dict state_of(const ClosedLoop& worlds) {
+Arrays state_of(const ClosedLoop& worlds) {
     const ClosedLoopState s = worlds.state();
     const int count = worlds.worlds(), vehicles = worlds.vehicles();
-    nb::dict state;
+    Arrays state;
     state["route"] = copied<std::int32_t>(s.route, {count, vehicles});
     state["position"] = copied<float>(s.position, {count, vehicles});
     state["speed"] = copied<float>(s.speed, {count, vehicles});
@@ -220,7 +222,7 @@ nb::dict state_of(const ClosedLoop& worlds) {
     return state;
 }
 
-void restore(ClosedLoop& worlds, const nb::dict& state) {
+void restore(ClosedLoop& worlds, const Arrays& state) {
     ClosedLoopState s;
     take<std::int32_t>(state, "route", s.route);
     take<float>(state, "position", s.position);
@@ -238,10 +240,10 @@ void restore(ClosedLoop& worlds, const nb::dict& state) {
     worlds.set_state(s);
 }
 
-nb::dict state_of(const Replay& worlds) {
+Arrays state_of(const Replay& worlds) {
     const ReplayState s = worlds.state();
     const int count = worlds.worlds();
-    nb::dict state;
+    Arrays state;
     state["track"] = copied<std::int32_t>(s.track, {count});
     state["time"] = copied<std::int32_t>(s.time, {count});
     state["position"] = copied<float>(s.position, {count});
@@ -254,7 +256,7 @@ nb::dict state_of(const Replay& worlds) {
     return state;
 }
 
-void restore(Replay& worlds, const nb::dict& state) {
+void restore(Replay& worlds, const Arrays& state) {
     ReplayState s;
     take<std::int32_t>(state, "track", s.track);
     take<std::int32_t>(state, "time", s.time);
@@ -269,7 +271,7 @@ void restore(Replay& worlds, const nb::dict& state) {
     worlds.set_state(s);
 }
 
-RecordedScenes scenes_of(const nb::dict& arrays) {
+RecordedScenes scenes_of(const Arrays& arrays) {
     RecordedScenes s;
     take<std::int64_t>(arrays, "scene_tracks", s.scene_tracks);
     take<std::int64_t>(arrays, "track_samples", s.track_samples);
@@ -280,7 +282,6 @@ RecordedScenes scenes_of(const nb::dict& arrays) {
     take<float>(arrays, "track_max_speed", s.max_speed);
     take<float>(arrays, "position", s.position);
     take<float>(arrays, "speed", s.speed);
-    take<float>(arrays, "acceleration", s.acceleration);
     take<bool>(arrays, "observed", s.observed);
     return s;
 }
@@ -473,7 +474,8 @@ NB_MODULE(_core, m) {
                 [](ClosedLoop* self, std::shared_ptr<const Map> map, Policy policy, int worlds, int vehicles,
                    int max_cycles, const std::string& autoreset, int threads, const std::optional<std::string>& isa) {
                     new (self) ClosedLoop(std::move(map), std::move(policy), worlds, vehicles, max_cycles,
-                                          autoreset_named(autoreset), threads, isa ? kernel_named(*isa) : kernel());
+                                          autoreset_named(autoreset), threads,
+                                          isa ? kernel_named(*isa) : kernel_for_worlds(worlds));
                 },
                 "map"_a, "policy"_a, "worlds"_a, "vehicles"_a, "max_cycles"_a, "autoreset"_a, "threads"_a,
                 "isa"_a = nb::none())
@@ -494,7 +496,7 @@ NB_MODULE(_core, m) {
                  "Steps with the policy inside; fills arrays (world, step, vehicle[, feature]).")
             .def("state", nb::overload_cast<const ClosedLoop&>(&state_of),
                  "Everything, as arrays (world, vehicle), (world,) and (world, 8).")
-            .def("set_state", nb::overload_cast<ClosedLoop&, const nb::dict&>(&restore), "state"_a);
+            .def("set_state", nb::overload_cast<ClosedLoop&, const Arrays&>(&restore), "state"_a);
     for (const auto& [name, field] :
          {std::pair{"action", &ClosedLoop::action}, std::pair{"reward", &ClosedLoop::reward}}) {
         closed_loop.def_prop_ro(name, [field](nb::handle_t<ClosedLoop> self) {
@@ -527,14 +529,15 @@ NB_MODULE(_core, m) {
     replay
         .def(
             "__init__",
-            [](Replay* self, std::shared_ptr<const Map> map, Policy policy, bool recording, const nb::dict& scenes,
+            [](Replay* self, std::shared_ptr<const Map> map, Policy policy, bool recording, const Arrays& scenes,
                const Vector<std::int32_t>& actors, int worlds, const std::string& autoreset, int threads,
                const std::optional<std::string>& isa) {
                 RecordedScenes recorded = scenes_of(scenes);
                 std::vector<std::int32_t> may_act = copy(actors);
                 const nb::gil_scoped_release release;
                 new (self) Replay(std::move(map), std::move(policy), recording, std::move(recorded), std::move(may_act),
-                                  worlds, autoreset_named(autoreset), threads, isa ? kernel_named(*isa) : kernel());
+                                  worlds, autoreset_named(autoreset), threads,
+                                  isa ? kernel_named(*isa) : kernel_for_worlds(worlds));
             },
             "map"_a, "policy"_a, "recording"_a, "scenes"_a, "actors"_a.noconvert(), "worlds"_a, "autoreset"_a,
             "threads"_a, "isa"_a = nb::none())
@@ -554,7 +557,7 @@ NB_MODULE(_core, m) {
              "value_now"_a.noconvert(), "value_next"_a.noconvert(), "reward"_a.noconvert(), "terminated"_a.noconvert(),
              "cut"_a.noconvert(), "Steps with the policy inside; fills arrays (world, step[, feature]).")
         .def("state", nb::overload_cast<const Replay&>(&state_of), "Everything, as arrays (world,) and (world, 8).")
-        .def("set_state", nb::overload_cast<Replay&, const nb::dict&>(&restore), "state"_a);
+        .def("set_state", nb::overload_cast<Replay&, const Arrays&>(&restore), "state"_a);
     for (const auto& [name, field] : {std::pair{"action", &Replay::action}, std::pair{"reward", &Replay::reward},
                                       std::pair{"expert_acceleration", &Replay::expert_acceleration}}) {
         replay.def_prop_ro(name, [field](nb::handle_t<Replay> self) {

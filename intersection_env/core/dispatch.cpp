@@ -57,12 +57,25 @@ const Kernel& kernel_named(const std::string& name) {
     throw std::invalid_argument("instruction set \"" + name + "\" is not one this machine has: " + known);
 }
 
+namespace {
+
+// By the environment variable, or null.
+const Kernel* demanded() {
+    const char* name = std::getenv("INTERSECTION_ENV_ISA");
+    return name != nullptr && *name != '\0' ? &kernel_named(name) : nullptr;
+}
+
+} // namespace
+
 const Kernel& kernel() {
-    static const Kernel& chosen = []() -> const Kernel& {
-        const char* name = std::getenv("INTERSECTION_ENV_ISA");
-        return name != nullptr && *name != '\0' ? kernel_named(name) : *kernels().back();
-    }();
+    static const Kernel& chosen = demanded() != nullptr ? *demanded() : *kernels().back();
     return chosen;
+}
+
+const Kernel& kernel_for_worlds(int worlds) {
+    const std::vector<const Kernel*> known = kernels();
+    const bool wide = known.size() == 3 && worlds > known[1]->lanes;
+    return demanded() != nullptr || known.size() < 3 || wide ? kernel() : *known[1];
 }
 
 } // namespace intersection_env

@@ -38,6 +38,8 @@ struct Kernel {
 
 // Throws std::invalid_argument where the override names an instruction set that is unknown or not here.
 const Kernel& kernel();
+// For few worlds the second-best: its lanes are fewer and its steps shorter, and the bytes are the same.
+const Kernel& kernel_for_worlds(int worlds);
 const Kernel& kernel_named(const std::string& name);
 std::vector<std::string> available_kernels();
 

@@ -27,6 +27,7 @@ Recorded::Recorded(const Map& map, RecordedScenes scenes, std::vector<std::int32
         scene_.resize(at(scenes_.scene_tracks[scene + 1]), static_cast<int>(scene));
     }
     add_samples(map);
+    add_accelerations();
     for (int track = 0; track < scenes_.tracks(); ++track) {
         add_track(map, track, recording);
     }
@@ -43,8 +44,8 @@ int Recorded::end_step(int track) const {
 }
 
 RecordedTables Recorded::tables() const {
-    return {track_rows_.data(),          sample_rows_.data(), companion_rows_.data(),
-            scenes_.acceleration.data(), actors_.data(),      static_cast<int>(actors_.size())};
+    return {track_rows_.data(),   sample_rows_.data(), companion_rows_.data(),
+            acceleration_.data(), actors_.data(),      static_cast<int>(actors_.size())};
 }
 
 void Recorded::check(const Map& map) const {
@@ -52,7 +53,7 @@ void Recorded::check(const Map& map) const {
     const std::size_t tracks = s.route.size(), samples = s.position.size();
     if (s.start.size() != tracks || s.length.size() != tracks || s.width.size() != tracks ||
         s.max_speed.size() != tracks || s.track_samples.size() != tracks + 1 || s.speed.size() != samples ||
-        s.acceleration.size() != samples || s.observed.size() != samples || s.scene_tracks.empty()) {
+        s.observed.size() != samples || s.scene_tracks.empty()) {
         refuse("arrays of different lengths");
     }
     const auto rises = [](const std::vector<std::int64_t>& offsets, std::size_t end) {
@@ -77,8 +78,8 @@ void Recorded::check(const Map& map) const {
     const auto finite = [](const std::vector<float>& values) {
         return std::all_of(values.begin(), values.end(), [](float x) { return std::fabs(x) < FAR; });
     };
-    if (!finite(s.position) || !finite(s.speed) || !finite(s.acceleration)) {
-        refuse("a position, speed or acceleration out of range");
+    if (!finite(s.position) || !finite(s.speed)) {
+        refuse("a position or speed out of range");
     }
     for (const std::int32_t actor : actors_) {
         if (actor < 0 || at(actor) >= tracks || end_step(actor) - s.start[at(actor)] < 2) {
@@ -97,6 +98,17 @@ void Recorded::add_samples(const Map& map) {
             sample_rows_.insert(sample_rows_.end(),
                                 {position, speed, 0.0F, std::min(here.v_max, scenes_.max_speed[at(track)]), here.x,
                                  here.y, braked.x, braked.y});
+        }
+    }
+}
+
+// What takes the vehicle from each sample to the next; the last one repeats the one before.
+void Recorded::add_accelerations() {
+    for (int track = 0; track < scenes_.tracks(); ++track) {
+        const long begin = scenes_.track_samples[at(track)], end = scenes_.track_samples[at(track) + 1];
+        for (long k = begin; k < end; ++k) {
+            const long from = std::max(begin, std::min(k, end - 2)), to = std::min(from + 1, end - 1);
+            acceleration_.push_back((scenes_.speed[at(to)] - scenes_.speed[at(from)]) / DT);
         }
     }
 }

@@ -15,7 +15,7 @@ struct RecordedScenes {
     std::vector<std::int64_t> scene_tracks, track_samples;
     std::vector<std::int32_t> route, start; // start: step of the scene at which a track appears
     std::vector<float> length, width, max_speed;
-    std::vector<float> position, speed, acceleration;
+    std::vector<float> position, speed;
     std::vector<std::uint8_t> observed;
 
     int tracks() const { return static_cast<int>(route.size()); }
@@ -38,6 +38,7 @@ class Recorded {
     void add_track(const Map& map, int track, bool recording);
     void add_companion(const Map& map, int own, int other, bool recording);
     void add_samples(const Map& map);
+    void add_accelerations();
     void mark_held();
     bool is_ahead(const Map& map, int own, int other) const;
     bool went_first(const Map& map, int own, int other) const;
@@ -45,7 +46,7 @@ class Recorded {
 
     RecordedScenes scenes_;
     std::vector<std::int32_t> actors_, scene_;
-    std::vector<float> track_rows_, sample_rows_, companion_rows_;
+    std::vector<float> acceleration_, track_rows_, sample_rows_, companion_rows_;
 };
 
 } // namespace intersection_env

@@ -1,10 +1,15 @@
 #include "threads.hpp"
 
 #include <algorithm>
+#include <stdexcept>
+#include <string>
 
 namespace intersection_env {
 
 Threads::Threads(int count) {
+    if (count < 0 || count > 1024) {
+        throw std::invalid_argument("threads must be from 0, one a core, to 1024, not " + std::to_string(count));
+    }
     const int wanted = count > 0 ? count : std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
     for (int thread = 1; thread < wanted; ++thread) {
         workers_.emplace_back([this, thread] { serve(thread); });

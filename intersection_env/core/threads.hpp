@@ -12,7 +12,7 @@ namespace intersection_env {
 
 class Threads {
   public:
-    // count: 1 works in the caller's thread alone; 0 takes one a core of the machine.
+    // count: 1 works in the caller's thread alone; 0 takes one a core of the machine. Throws std::invalid_argument.
     explicit Threads(int count);
     ~Threads();
     Threads(const Threads&) = delete;

@@ -1,0 +1,223 @@
+"""Rollouts with the policy inside the core, as tensordicts, by themselves or as a TorchRL collector."""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any
+
+import torch
+from tensordict import TensorDict, TensorDictBase
+from torch import Tensor, nn
+from torchrl.collectors import BaseCollector
+from torchrl.envs.utils import ExplorationType
+
+from agents.driving import Driver
+from agents.worlds import ClosedLoopEnv, ReplayEnv
+from intersection_env.worlds import ClosedLoopWorlds, ReplayWorlds
+
+FEATURES = 12
+FLOATS = ("latent", "log_probability", "value_now", "value_next", "reward")
+FLAGS = ("terminated", "cut")
+CPU = (None, "cpu", torch.device("cpu"))
+NEUTRAL: dict[str, tuple[Any, ...]] = {
+    "init_random_frames": (None, 0, -1),
+    "max_frames_per_traj": (None, 0, -1),
+    "reset_at_each_iter": (None, False),
+    "split_trajs": (None, False),
+    "exploration_type": (None, ExplorationType.RANDOM),
+    "device": CPU,
+    "storing_device": CPU,
+    "env_device": CPU,
+    "policy_device": CPU,
+    "trust_policy": (None, False, True),
+}
+"""What TorchRL's distributed collectors say to each worker's, and the values that a rollout in the core agrees with."""
+
+
+class Rollouts:
+    """Steps worlds, many steps a call, into two buffers in turn."""
+
+    def __init__(self, worlds: ClosedLoopWorlds | ReplayWorlds, steps: int) -> None:
+        """Buffers for rollouts of so many steps.
+
+        Raises:
+            ValueError: there is less than one step.
+        """
+        if steps < 1:
+            raise ValueError(f"steps is {steps}; wanted at least 1")
+        self.worlds, self.steps = worlds, steps
+        count, *vehicles = worlds.action.shape
+        self.shape = (count, steps, *vehicles)
+        self._buffers = [self._buffer(), self._buffer()]
+
+    def collect(self, driver: Driver) -> TensorDict:
+        """The next steps; valid until the call after the next one, which writes into the same memory.
+
+        (world, step, vehicle) in the closed loop, else (world, step), as TorchRL's GAE and losses name and take it:
+        "observation" (12,); "action" (1,), which is before its tanh, u ~ Normal(mean, sigma); "action_log_prob" (),
+        that of u; "state_value" (1,). Under "next": "reward", "done", "terminated" and "state_value" (1,). Done is
+        every end of a return, reinsertions among them; there, "state_value" is that of the life's last observation.
+
+        Raises:
+            RuntimeError: the worlds have not been reset.
+        """
+        if not self.worlds.is_reset:
+            raise RuntimeError("the worlds must be reset before the first rollout")
+        buffer = self._buffers.pop(0)
+        self._buffers.append(buffer)
+        arrays = {name: tensor.numpy() for name, tensor in buffer.items()}
+        self.worlds.core.rollout(
+            driver.policy.packed(), driver.value.packed(), float(driver.sigma), self.steps, **arrays
+        )
+        return self._named(buffer)
+
+    def _buffer(self) -> dict[str, Tensor]:
+        floats = {name: torch.zeros(self.shape) for name in FLOATS}
+        flags = {name: torch.zeros(self.shape, dtype=torch.bool) for name in FLAGS}
+        return {"observation": torch.zeros(*self.shape, FEATURES), **floats, **flags}
+
+    def _named(self, buffer: dict[str, Tensor]) -> TensorDict:
+        rows = {name: tensor.unsqueeze(-1) for name, tensor in buffer.items()}
+        following = {
+            "reward": rows["reward"],
+            "done": rows["cut"],
+            "terminated": rows["terminated"],
+            "state_value": rows["value_next"],
+        }
+        return TensorDict(
+            {
+                "observation": buffer["observation"],
+                "action": rows["latent"],
+                "action_log_prob": buffer["log_probability"],
+                "state_value": rows["value_now"],
+                "next": TensorDict(following, self.shape),
+            },
+            self.shape,
+            names=[None, "time", *[None] * (len(self.shape) - 2)],
+        )
+
+
+class RolloutCollector(BaseCollector):  # type: ignore[misc]  # TorchRL is untyped
+    """A TorchRL collector of `Rollouts`; its frames are steps of agents."""
+
+    init_random_frames = 0
+
+    def __init__(
+        self,
+        create_env_fn: Any,
+        policy: Driver,
+        *,
+        frames_per_batch: int,
+        total_frames: int,
+        worker_idx: int | None = None,
+        pre_collect_hook: Callable[[], None] | None = None,
+        post_collect_hook: Callable[[TensorDictBase], None] | None = None,
+        **others: Any,
+    ) -> None:
+        """A collector in one environment, which the first batch resets.
+
+        Args:
+            create_env_fn: a `ClosedLoopEnv` or `ReplayEnv`, or what makes one; or a list of one of these.
+            policy: what drives; read anew for each batch.
+            frames_per_batch: worlds times steps times vehicles.
+            total_frames: at which to stop.
+            worker_idx, pre_collect_hook, post_collect_hook: as TorchRL has them.
+            others: what TorchRL's distributed collectors pass on, where it changes nothing (`NEUTRAL`).
+
+        Raises:
+            TypeError: an unknown argument, or no such environment.
+            ValueError: frames that make no whole number of steps, none at all, or an argument that asks for what is
+                not done here.
+        """
+        super().__init__(pre_collect_hook=pre_collect_hook, post_collect_hook=post_collect_hook)
+        _check_neutral(others)
+        self.env = _environment(create_env_fn)
+        self.policy = policy
+        agents = self.env.worlds.action.size
+        if frames_per_batch < 1 or frames_per_batch % agents:
+            raise ValueError(f"frames_per_batch is {frames_per_batch}; wanted a multiple of the {agents} agents")
+        if total_frames < 1:
+            raise ValueError(f"total_frames is {total_frames}; wanted at least 1")
+        self.frames_per_batch = self.requested_frames_per_batch = frames_per_batch
+        self.total_frames = total_frames
+        self.worker_idx = worker_idx
+        self._rollouts = Rollouts(self.env.worlds, frames_per_batch // agents)
+        self._must_start = True
+        self._frames, self._iter = 0, -1
+
+    def iterator(self) -> Iterator[TensorDictBase]:
+        """Batches as of `Rollouts.collect`, each valid until the next but one."""
+        while self._frames < self.total_frames:
+            if self.pre_collect_hook is not None:
+                self.pre_collect_hook()
+            self._start_if_due()
+            batch = self._rollouts.collect(self.policy)
+            self._frames += batch.numel()
+            self._iter += 1
+            if self.post_collect_hook is not None:
+                self.post_collect_hook(batch)
+            yield batch
+
+    def set_seed(self, seed: int, static_seed: bool = False) -> int:
+        """Seeds the worlds, which start anew with the next batch; returns the seed for a next collector."""
+        following: int = self.env.set_seed(seed, static_seed=static_seed)
+        self._must_start = True
+        return following
+
+    def state_dict(self) -> OrderedDict[str, Any]:
+        """Everything that the next batches depend on; starts the worlds if that is due."""
+        self._start_if_due()
+        worlds = OrderedDict((name, torch.from_numpy(array)) for name, array in self.env.state().items())
+        return OrderedDict(
+            policy_state_dict=self.policy.state_dict(), env_state_dict=worlds, frames=self._frames, iter=self._iter
+        )
+
+    def load_state_dict(self, state_dict: OrderedDict[str, Any], strict: bool = True) -> None:
+        """Goes on where `state_dict` was taken."""
+        self.policy.load_state_dict(state_dict["policy_state_dict"], strict=strict)
+        self.env.set_state({name: tensor.numpy() for name, tensor in state_dict["env_state_dict"].items()})
+        self._must_start = False
+        self._frames, self._iter = state_dict["frames"], state_dict["iter"]
+
+    def shutdown(self, timeout: float | None = None, close_env: bool = True, raise_on_error: bool = True) -> None:
+        """Closes the environment."""
+        if close_env and not self.env.is_closed:
+            self.env.close(raise_if_closed=raise_on_error)
+
+    def _start_if_due(self) -> None:
+        if self._must_start:
+            self.env.reset()
+            self._must_start = False
+
+    def _maybe_fallback_update(
+        self,
+        policy_or_weights: Any = None,
+        *,
+        model_id: str | None = None,
+    ) -> None:
+        """What `update_policy_weights_` does without a scheme: copies the weights in, if they come from elsewhere."""
+        if model_id not in (None, "policy"):
+            raise KeyError(f'there is no model "{model_id}" here, only "policy"')
+        if policy_or_weights is None:
+            return  # the policy that was passed is the one in use
+        is_module = isinstance(policy_or_weights, nn.Module)
+        weights = TensorDict.from_module(policy_or_weights) if is_module else TensorDict(policy_or_weights)
+        TensorDict.from_module(self.policy).data.update_(weights.data)
+
+
+def _environment(create: Any) -> ClosedLoopEnv | ReplayEnv:
+    if isinstance(create, Sequence) and len(create) == 1:
+        create = create[0]
+    environment = create if isinstance(create, ClosedLoopEnv | ReplayEnv) or not callable(create) else create()
+    if not isinstance(environment, ClosedLoopEnv | ReplayEnv):
+        raise TypeError(f"create_env_fn gives {type(environment).__name__}; wanted one ClosedLoopEnv or ReplayEnv")
+    return environment
+
+
+def _check_neutral(arguments: dict[str, Any]) -> None:
+    for name, value in arguments.items():
+        if name not in NEUTRAL:
+            raise TypeError(f'there is no argument "{name}"')
+        if value not in NEUTRAL[name]:
+            raise ValueError(f"{name} is {value!r}, which rollouts in the core do not do")

@@ -1,0 +1,200 @@
+"""Many replays at once, in the core: `ReplayVector`, which `gymnasium.make_vec` makes."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from gymnasium.error import ResetNeeded
+from gymnasium.vector import AutoresetMode, VectorEnv
+from gymnasium.vector.utils import batch_space
+from numpy.typing import NDArray
+
+from intersection_env.actions import check_actions
+from intersection_env.policy import DT
+from intersection_env.scenes import Scenes
+from intersection_env.spaces import action_space, observation_space
+from intersection_env.view import FRAMES_PER_SECOND, View
+from intersection_env.worlds import Autoreset, ReplayWorlds, fresh_seed
+
+Array = NDArray[Any]
+TRUE = b"\1"
+Steps = tuple[Array, Array, Array, Array, dict[str, Any]]
+
+
+class ReplayVector(VectorEnv[Array, Array, Array]):
+    """Many worlds of `Replay`, stepped at once by the core.
+
+    ```python
+    envs = gymnasium.make_vec("intersection_env/Replay-v0", num_envs=64)
+    ```
+
+    World i of `reset(seed=s)` starts with the random stream of (s, i); world 0 is `Replay` with that seed. Infos are
+    those of `Replay`, each an array over the worlds.
+
+    | argument | default | meaning |
+    |---|---|---|
+    | `num_envs` | 1 | how many worlds |
+    | `scenes`, `split`, `gap` | | as in `Replay` |
+    | `autoreset_mode` | `"NextStep"` | an `AutoresetMode` or its value, see below |
+    | `threads` | 1 | how many step the worlds, 0: one a core; they do not change what happens |
+    | `render_mode` | `None` | `"rgb_array"` |
+
+    - `"NextStep"`: a world whose episode has ended starts anew with the next step, which ignores its action and gives
+      it a reward of 0.
+    - `"SameStep"`: it starts anew at once; `infos["final_obs"]` and `infos["final_info"]` hold the end.
+    - `"Disabled"`: it must be started anew with `reset(options={"reset_mask": mask})` before the next step.
+    """
+
+    metadata: dict[str, Any] = {  # noqa: RUF012, Gymnasium's convention
+        "render_modes": ["rgb_array"],
+        "render_fps": FRAMES_PER_SECOND,
+        "autoreset_mode": AutoresetMode.NEXT_STEP,
+    }
+
+    def __init__(
+        self,
+        num_envs: int = 1,
+        scenes: str | Path | Scenes = "bendplatz",
+        split: str | None = "train",
+        gap: str | Path = "recording",
+        autoreset_mode: str | AutoresetMode = AutoresetMode.NEXT_STEP,
+        threads: int = 1,
+        render_mode: str | None = None,
+    ) -> None:
+        """The environment; the class says what the arguments mean.
+
+        Raises:
+            ValueError: an impossible argument, or a scenes file that is damaged or of another map or version.
+            OSError: a file cannot be read.
+        """
+        self._view = View(render_mode, ("rgb_array",))
+        self.autoreset_mode = AutoresetMode(autoreset_mode)
+        self.metadata = self.metadata | {"autoreset_mode": self.autoreset_mode}
+        self.render_mode = render_mode
+        self.num_envs = num_envs
+        # "SameStep" is made from "off" and a reset, since the core's own would overwrite the final info.
+        autoreset: Autoreset = "next_step" if self.autoreset_mode is AutoresetMode.NEXT_STEP else "off"
+        self._worlds = ReplayWorlds(scenes, split=split, gap=gap, worlds=num_envs, autoreset=autoreset, threads=threads)
+        tracks = self._worlds.tracks
+        self._seconds = np.round(np.arange(int(tracks.arrays["scene_steps"].max()) + 1) * DT, 1)
+        self._all = np.ones(num_envs, np.bool_)
+        is_disabled = self.autoreset_mode is AutoresetMode.DISABLED
+        self._waiting = np.zeros(num_envs, np.bool_) if is_disabled else None
+        """Which ended episodes wait for their reset, with autoreset disabled."""
+        self.single_action_space = action_space()
+        self.single_observation_space = observation_space(self._worlds.intersection, tracks.fastest, backing=False)
+        self.action_space = batch_space(self.single_action_space, num_envs)
+        self.observation_space = batch_space(self.single_observation_space, num_envs)
+
+    @property
+    def scenes(self) -> Scenes:
+        """The scenes that are replayed."""
+        return self._worlds.tracks.scenes
+
+    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Array, dict[str, Any]]:
+        """New episodes in all worlds, or in those where option `reset_mask`, (num_envs,) bool, is true.
+
+        Raises:
+            TypeError, ValueError: an unknown option, or no such mask.
+        """
+        mask = self._mask(options or {})
+        super().reset(seed=seed)
+        worlds = self._worlds
+        if not worlds.is_reset and not mask.all():
+            raise ResetNeeded("the first reset must start all worlds; there is a reset_mask")
+        if seed is None and worlds.is_reset:
+            worlds.reset_worlds(mask)
+        else:
+            before = None if mask.all() else worlds.state()
+            worlds.reset(fresh_seed() if seed is None else seed)
+            if before is not None:
+                seeded = worlds.state()
+                for name, values in seeded.items():
+                    values[~mask] = before[name][~mask]
+                worlds.set_state(seeded)
+        if self._waiting is not None:
+            self._waiting &= ~mask
+        infos: dict[str, Any] = {}
+        self._add_infos(infos, self._all if mask.all() else mask)
+        return worlds.observation.copy(), infos
+
+    def step(self, actions: Array) -> Steps:
+        """One step of 0.2 s in all worlds; actions (num_envs, 1).
+
+        Raises:
+            gymnasium.error.ResetNeeded: before the first reset; with autoreset disabled, while an episode has ended.
+            gymnasium.error.InvalidAction: no float32 array of shape (num_envs, 1) in [-1, 1].
+        """
+        worlds = self._worlds
+        if not worlds.is_reset:
+            raise ResetNeeded("there are no episodes before the first reset: call reset()")
+        if self._waiting is not None and self._waiting.any():
+            raise ResetNeeded('an episode has ended, autoreset is disabled: call reset(options={"reset_mask": ...})')
+        worlds.action[:] = check_actions(actions, (self.num_envs, 1))[:, 0]
+        worlds.core.step()
+        observation = worlds.observation.copy()
+        results = (worlds.reward.astype(np.float64), worlds.terminated.copy(), worlds.truncated.copy())
+        done = worlds.terminated | worlds.truncated
+        infos: dict[str, Any] = {}
+        if TRUE in done.tobytes():
+            if self.autoreset_mode is AutoresetMode.SAME_STEP:
+                infos = self._final_infos(observation, done)
+                worlds.reset_worlds(done)
+                observation = worlds.observation.copy()
+            if self._waiting is not None:
+                self._waiting |= done
+        self._add_infos(infos, self._all)
+        return observation, *results, infos
+
+    def render(self) -> tuple[NDArray[np.uint8], ...] | None:
+        """A picture of each world (600, 600, 3); raises as `View.show`."""
+        pictures = [self._view.show(self._worlds, world) for world in range(self.num_envs if self.render_mode else 1)]
+        return tuple(picture for picture in pictures if picture is not None) or None
+
+    def _mask(self, options: dict[str, Any]) -> NDArray[np.bool_]:
+        unknown = [name for name in options if name != "reset_mask"]
+        if unknown:
+            raise ValueError(f'unknown option "{unknown[0]}"; the only one is "reset_mask"')
+        mask = options.get("reset_mask", self._all)
+        if not isinstance(mask, np.ndarray) or mask.dtype != np.bool_:
+            raise TypeError(f'option "reset_mask" must be a numpy array of bool, not {getattr(mask, "dtype", mask)}')
+        if mask.shape != (self.num_envs,) or not mask.any():
+            raise ValueError(f'option "reset_mask" must have shape ({self.num_envs},) and at least one True; {mask}')
+        return np.ascontiguousarray(mask)
+
+    def _add_infos(self, infos: dict[str, Any], mask: NDArray[np.bool_]) -> None:
+        """The infos of the worlds in the mask, as Gymnasium batches them; the others' are 0 or None."""
+        worlds = self._worlds
+        chosen = slice(None) if mask is self._all else np.flatnonzero(mask)
+        track = worlds.track[chosen]
+        added: dict[str, Array] = {
+            "expert_observation": np.array(worlds.expert_observation[chosen]),
+            "expert_acceleration": worlds.expert_acceleration[chosen].astype(np.float64),
+            "scene": worlds.tracks.scene_id.take(track),
+            "vehicle": worlds.tracks.track_id.take(track),
+            "time": self._seconds.take(worlds.time[chosen]),
+        }
+        given = mask.copy()
+        for name, values in added.items():
+            infos[name], infos[f"_{name}"] = self._among_all(values, chosen), given
+
+    def _among_all(self, values: Array, chosen: slice | NDArray[np.intp]) -> Array:
+        if isinstance(chosen, slice):
+            return values
+        among = np.full((self.num_envs, *values.shape[1:]), None if values.dtype == object else 0, values.dtype)
+        among[chosen] = values
+        return among
+
+    def _final_infos(self, observation: Array, done: NDArray[np.bool_]) -> dict[str, Any]:
+        final = np.full(self.num_envs, None, object)
+        for world in np.flatnonzero(done).tolist():
+            final[world] = observation[world].copy()
+        last: dict[str, Any] = {}
+        self._add_infos(last, done)
+        return {"final_obs": final, "_final_obs": done.copy(), "final_info": last, "_final_info": done.copy()}
+
+    def close_extras(self, **kwargs: Any) -> None:
+        """Lets go of the renderer."""
+        self._view.close()
