@@ -6,10 +6,10 @@ VENV := .venv
 RUN := $(VENV)/bin/python
 PIP := $(VENV)/bin/pip install --quiet --disable-pip-version-check -c constraints.txt
 CORE := $(shell find intersection_env/core -type f)
-CXX_SOURCES := $(filter %.hpp %.cpp,$(CORE))
+CXX_SOURCES := $(filter %.hpp %.cpp,$(CORE)) $(wildcard examples/*/*.cpp tests/fuzz/*.hpp tests/fuzz/*.cpp tests/cpp/*.cpp)
 RECORDINGS ?= data/recordings
 
-.PHONY: demo setup check test harden bench gap maps recordings statistics pages format clean
+.PHONY: demo setup check test harden bench gap maps recordings recorded statistics pages format clean
 
 demo: $(VENV)/.package
 	$(RUN) -m experiments.demo --recordings $(RECORDINGS)
@@ -29,7 +29,7 @@ test: setup
 harden: setup
 	bash .ci/harden
 
-bench: setup
+bench: $(VENV)/.bench
 	$(RUN) -m experiments.bench
 
 maps: setup
@@ -37,6 +37,10 @@ maps: setup
 
 recordings: setup
 	$(RUN) -m data.sumo
+
+# The scenes that ship in the wheel, from the recordings that ship.
+recorded: $(VENV)/.package
+	$(RUN) -m data.build data/recordings --map bendplatz --out intersection_env/recorded/bendplatz.npz
 
 # The gap network: scenes, training, and the policy file that ships.
 gap: setup
@@ -57,6 +61,7 @@ pages: demo bench
 	$(RUN) -m data.build $(RECORDINGS) --map bendplatz --out out/scenes.npz
 	$(RUN) -m experiments.gap --figure docs/pictures/gap_acceptance.png
 	$(RUN) -m experiments.gap --split validation
+	$(RUN) -m experiments.environment_page
 	$(RUN) -m experiments.pages
 
 format: setup
@@ -78,4 +83,8 @@ $(VENV)/.package: $(VENV)/.tools pyproject.toml $(CORE)
 
 $(VENV)/.development: $(VENV)/.package
 	$(PIP) --no-build-isolation -e '.[data,render,sumo,train,dev]'
+	touch $@
+
+$(VENV)/.bench: $(VENV)/.development
+	$(PIP) --no-build-isolation -e '.[data,render,sumo,train,dev,bench]'
 	touch $@

@@ -13,6 +13,7 @@ from torch import Tensor
 from torchrl.data import Bounded, Categorical, Composite, TensorSpec, Unbounded
 from torchrl.envs import EnvBase
 
+from intersection_env.arguments import check_seed
 from intersection_env.intersection import Intersection
 from intersection_env.scenes import Scenes
 from intersection_env.spaces import observation_space
@@ -52,7 +53,7 @@ class _WorldsEnv(EnvBase):  # type: ignore[misc]  # TorchRL is untyped
         """Goes back to a state; returns what `reset` would: the tensordict to go on from.
 
         Raises:
-            KeyError, TypeError, ValueError: the state is not one of such worlds.
+            TypeError, ValueError: the state is not one of such worlds.
         """
         self.worlds.set_state(state)
         self._next_seed = None
@@ -60,7 +61,7 @@ class _WorldsEnv(EnvBase):  # type: ignore[misc]  # TorchRL is untyped
         return self._now()
 
     def _set_seed(self, seed: int | None) -> None:
-        self._next_seed = fresh_seed() if seed is None else seed
+        self._next_seed = fresh_seed() if seed is None else check_seed(seed)
 
     def _reset(self, tensordict: TensorDictBase | None = None, **_: Any) -> TensorDictBase:
         key = "_reset" if self.group is None else (self.group, "_reset")

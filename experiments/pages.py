@@ -17,6 +17,19 @@ RESULTS = ROOT / "experiments" / "results"
 HORIZONS = (2.0, 4.0, 6.0, 8.0, 10.0)
 MODELS = {"constant_velocity": "constant velocity", "idm": "IDM", "gap": "gap network, IDM"}
 
+SPEED_ROWS = (
+    ("1 scenario", "single_us", "networks", None),
+    ("64", "batch_us", "networks", "64"),
+    ("1024", "batch_us", "networks", "1024"),
+    ("1024, with smallest distances", "batch_us", "networks, with distances", "1024"),
+    ("all priorities assigned, 64", "assigned_us", "assigned", "64"),
+    ("all priorities assigned, 1024", "assigned_us", "assigned", "1024"),
+    ("rules and IDM instead of networks, 1", "single_us", "idm", None),
+    ("rules and IDM instead of networks, 1024", "batch_us", "idm", "1024"),
+)
+"""Name, table, row and number of scenarios."""
+CYCLE_ROWS = {"maneuvers in 200 ms": "networks", "the same, all priorities assigned": "assigned"}
+
 
 def errors_table(errors: pd.DataFrame) -> str:
     """Markdown of the errors over the horizon, vehicles recorded at the start and at the horizon."""
@@ -30,16 +43,105 @@ def errors_table(errors: pd.DataFrame) -> str:
     return "\n".join(lines)
 
 
-def speed_table(bench: dict[str, dict[str, dict[str, dict[str, float]]]]) -> str:
-    """Markdown of microseconds a scenario by kernel and driver."""
-    scenarios = ("1", "64", "1024", "1024_with_distances")
-    heads = ("1 scenario", "64", "1024", "1024, with smallest distances")
-    lines = [f"| kernel | driver | {' | '.join(heads)} |", "|---" * (len(heads) + 2) + "|"]
-    for isa, drivers in bench["predict_us"].items():
-        for driver, row in drivers.items():
-            cells = " | ".join(f"{row[n]:.1f}" for n in scenarios)
-            lines.append(f"| {isa} | {driver} | {cells} |")
+def speed_table(bench: dict[str, Any]) -> str:
+    """Markdown of microseconds a scenario by kernel, of their ratios to the floor, and of maneuvers a cycle."""
+    lines = ["| µs a scenario: median (best; best to floor) | " + " | ".join(bench["floor_us"]) + " |"]
+    lines.append("|---" * (len(bench["floor_us"]) + 1) + "|")
+    lines.append("| floor; all assigned | " + " | ".join(_floors(bench, isa) for isa in bench["floor_us"]) + " |")
+    for name, table, row, scenarios in SPEED_ROWS:
+        cells = []
+        for isa, floor in bench["assigned_floor_us" if table == "assigned_us" else "floor_us"].items():
+            found = bench[table][isa][row]
+            found = found if scenarios is None else found[scenarios]
+            ratio = "" if row.startswith("idm") else f"; {found['best'] / floor:.2f}"
+            cells.append(f"{found['median']:.1f} ({found['best']:.1f}{ratio})")
+        lines.append(f"| {name} | {' | '.join(cells)} |")
+    for name, row in CYCLE_ROWS.items():
+        cells = [f"{rows[row]:,}" for rows in bench["maneuvers_per_cycle"].values()]
+        lines.append(f"| {name} | {' | '.join(cells)} |")
     return "\n".join(lines)
+
+
+def _floors(bench: dict[str, Any], isa: str) -> str:
+    return f"{bench['floor_us'][isa]:.1f}; {bench['assigned_floor_us'][isa]:.1f}"
+
+
+def peers_table(bench: dict[str, Any]) -> str:
+    """Markdown of what others take for the same vehicles, and how many times as long as our batch that is."""
+    isa = list(bench["batch_us"])[-1]
+    ours = bench["batch_us"][isa]["networks"]["1024"]["best"]
+    lines = [f"| beside | µs a scenario: median (best) | best, times ours ({isa}, 1024) | |", "|---|---|---|---|"]
+    for name, row in bench["peers_us"].items():
+        if "missing" in row:
+            lines.append(f"| {name} | {row['missing']} | | |")
+            continue
+        us = row["us"]
+        lines.append(f"| {name} | {us['median']:,.0f} ({us['best']:,.0f}) | {us['best'] / ours:.1f} | {row['doing']} |")
+    return "\n".join(lines)
+
+
+def speed_block(bench: dict[str, Any]) -> str:
+    """Both tables, the latency from Python and what ranking takes."""
+    latency = bench["latency_us"]["networks"]
+    isa = list(bench["floor_us"])[-1]
+    ranked = " and ".join(
+        f"{row['networks']['median']:.1f} ms with {row['orders']:,} orders" for row in bench["ranking_ms"].values()
+    )
+    notes = (
+        f"One scenario, called from Python ({isa}): p50 {latency['p50']:.0f}, p99 {latency['p99']:.0f},"
+        f" p99.9 {latency['p99.9']:.0f} µs over {latency['calls']:,} calls.\n"
+        f"`rank_maneuvers`, smallest distances and table included: {ranked}."
+    )
+    asked = [row["asked"] for row in bench["peers_us"].values() if "asked" in row]
+    if asked:
+        share = f"{100.0 * asked[0]:.0f} %"
+        notes += f"\nIn this traffic the gap network has to be asked for {share} of the pairs and steps in the floor."
+    theirs = [row["core_share"] for row in bench["peers_us"].values() if "core_share" in row]
+    if theirs:
+        notes += (
+            f"\nThe predictor had {100.0 * bench['core_share']:.0f} % of a core to itself while it was timed,"
+            f" its peers {100.0 * min(theirs):.0f} to {100.0 * max(theirs):.0f} %."
+        )
+    return "\n\n".join((speed_table(bench), peers_table(bench), notes))
+
+
+def worlds_table(environments: dict[str, Any]) -> str:
+    """Markdown of the batched worlds' agent-steps a second, by kernel, and of how often worlds ended meanwhile."""
+    columns = list(environments["worlds"][0]["rates"])
+    lines = [f"| million agent-steps/s | {' | '.join(columns)} | worlds that end with a step |"]
+    lines.append("|---" * (len(columns) + 2) + "|")
+    for row in environments["worlds"]:
+        cells = " | ".join(f"{row['rates'][column]['median'] / 1e6:.1f}" for column in columns)
+        lines.append(f"| {row['name']} | {cells} | {100.0 * row['ends_per_world_step']:.1f} % |")
+    return "\n".join(lines)
+
+
+def doors_table(environments: dict[str, Any]) -> str:
+    """Markdown of the doors' agent-steps a second, and of the peers', which may be missing."""
+    lines = ["| one process, one core | thousand agent-steps/s | |", "|---|---|---|"]
+    for row in environments["doors"]:
+        lines.append(f"| {row['name']} | {_thousands(row['rate']['median'])} | |")
+    for row in environments["peers"]:
+        figure = row.get("missing") or _thousands(row["rate"]["median"])
+        lines.append(f"| {row['name']} | {figure} | {row.get('doing', '')} |")
+    return "\n".join(lines)
+
+
+def _thousands(rate: float) -> str:
+    return f"{rate / 1e3:.0f}" if rate >= 1e4 else f"{rate / 1e3:.2f}"
+
+
+def environments_block(environments: dict[str, Any]) -> str:
+    """Both tables, what a frame takes, and how steady the machine was."""
+    machine, frame = environments["reference_gflops"], environments["frame_ms"]["median"]
+    rates = ", ".join(f"{found['median']:.0f}" for found in machine)
+    shares = ", ".join(f"{100.0 * found['core_share']:.0f}" for found in machine)
+    notes = (
+        f"A frame of 600 x 600 pixels takes {frame:.1f} ms to render. For comparing machines: before the first table,\n"
+        f"before the peers and after them a product of 256 x 256 float32 matrices in one thread ran at {rates}\n"
+        f"GFLOP/s, with {shares} % of a core to itself; the rest went to others, which slows everything else alike."
+    )
+    return "\n\n".join((worlds_table(environments), doors_table(environments), notes))
 
 
 def gap_table(results: dict[str, Any]) -> str:
@@ -80,7 +182,8 @@ def readme() -> str:
     errors = pd.read_csv(RESULTS / "errors.csv")
     bench = json.loads((RESULTS / "bench.json").read_text(encoding="utf-8"))
     gap = json.loads((RESULTS / "gap_validation.json").read_text(encoding="utf-8"))
-    blocks = {"errors": errors_table(errors), "gap": gap_table(gap), "speed": speed_table(bench)}
+    blocks = {"errors": errors_table(errors), "gap": gap_table(gap), "speed": speed_block(bench)}
+    blocks["environments"] = environments_block(bench["environments"])
     return filled((ROOT / "README.md").read_text(encoding="utf-8"), blocks)
 
 

@@ -1,5 +1,6 @@
 """The C++ core: maps, conflicts, crossing orders, prediction."""
 
+from collections.abc import Sequence
 from typing import Annotated, Any
 
 import numpy
@@ -25,6 +26,12 @@ MOST_WIDTH: float = 10.0
 
 MOST_SPEED: float = 100.0
 
+WORTHWHILE_GAIN: float = 2.0
+
+MOST_MANEUVERS: int = 10000
+
+MOST_COUNTED: int = 20000
+
 def available_kernels() -> list[str]:
     """The instruction sets of this machine's kernels, best last."""
 
@@ -33,6 +40,14 @@ def gap_features() -> list[str]:
 
 def driving_features() -> list[str]:
     """The driving network's inputs, by name and unit."""
+
+def multiply_adds(isa: str, rounds: int) -> tuple[int, float]:
+    """
+    Does float32 multiply-adds as fast as this kernel can; how many, and a number they end in.
+    """
+
+def tanhs(isa: str, rounds: int) -> tuple[int, float]:
+    """Likewise tanh."""
 
 def kernel_name() -> str:
     """The kernel in use."""
@@ -161,6 +176,19 @@ class Predictor:
         """
         position, speed, acceleration, enters, present, time_loss, minimum_distance.
         """
+
+def rank_maneuvers(predictor: Predictor, traffic: Traffic, cooperative: Annotated[NDArray[numpy.uint8], dict(shape=(None,), order='C', device='cpu', writable=False)], limit: int | None) -> tuple[dict[str, Any], int]:
+    """
+    Every crossing order and no intervention, ranked: columns (maneuver,), priorities (maneuver, pair); and how many orders were left out.
+    """
+
+def crossing_order(map: Map, traffic: Traffic, position: Annotated[NDArray[numpy.float32], dict(shape=(None, None, None), order='C', device='cpu', writable=False)]) -> NDArray[numpy.int8]:
+    """
+    (scenario, pair): who reached each conflict first in positions (scenario, time, vehicle).
+    """
+
+def in_words(map: Map, traffic: Traffic, names: Sequence[str], orders: Annotated[NDArray[numpy.int8], dict(shape=(None, None), order='C', device='cpu', writable=False)]) -> list[str]:
+    """Orders (order, pair) as sequences of vehicles."""
 
 class ClosedLoop:
     """

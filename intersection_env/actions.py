@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import NoReturn
+from typing import Any
 
 import numpy as np
 from gymnasium.error import InvalidAction
 from numpy.typing import NDArray
 
 Array = NDArray[np.float32]
+NUMPY = {np.ndarray}
 
 
 def check_actions(actions: object, shape: tuple[int, ...]) -> Array:
@@ -18,15 +19,16 @@ def check_actions(actions: object, shape: tuple[int, ...]) -> Array:
     Raises:
         gymnasium.error.InvalidAction: no float32 array of this shape, or a value that is no number in [-1, 1].
     """
-    if not isinstance(actions, np.ndarray) or actions.dtype != np.float32:
-        came = actions.dtype if isinstance(actions, np.ndarray) else type(actions).__name__
-        raise InvalidAction(f"the action must be a numpy array of float32, not {came}")
-    if actions.shape != shape:
-        raise InvalidAction(f"the action must have shape {shape}, not {actions.shape}")
-    if not np.abs(actions).max() <= 1.0:  # so written, NaN is refused too
-        wrong = actions[~(np.abs(actions) <= 1.0)][0]
+    array = _as_array(actions)
+    if array is None or array.dtype != np.float32:
+        came = type(actions).__name__ if array is None else array.dtype
+        raise InvalidAction(f"the action must be an array of float32, not {came}")
+    if array.shape != shape:
+        raise InvalidAction(f"the action must have shape {shape}, not {array.shape}")
+    if not np.abs(array).max() <= 1.0:  # so written, NaN is refused too
+        wrong = array[~(np.abs(array) <= 1.0)][0]
         raise InvalidAction(f"the action holds {wrong}; wanted numbers in [-1, 1] (times 6 m/s²)")
-    return actions
+    return array
 
 
 def read_actions(actions: Mapping[str, Array], agents: Sequence[str], buffer: Array) -> None:
@@ -38,18 +40,29 @@ def read_actions(actions: Mapping[str, Array], agents: Sequence[str], buffer: Ar
     """
     try:
         values = list(map(actions.__getitem__, agents))
-        is_well = len(actions) == len(values) and all(map(len, values))
+        is_well = len(actions) == len(values) and all(map(len, values)) and set(map(type, values)) == NUMPY
         np.concatenate(values, out=buffer, casting="no")  # none is empty and all fit: each is one number
-    except (TypeError, ValueError, KeyError, AttributeError):
-        _refuse(actions, agents)
+    except (TypeError, ValueError, KeyError, AttributeError, RuntimeError):
+        is_well = False
     if not is_well:
-        _refuse(actions, agents)
+        _read_one_by_one(actions, agents, buffer)
+        return
     for value in buffer.tolist():
         if not -1.0 <= value <= 1.0:
-            _refuse(actions, agents)
+            _read_one_by_one(actions, agents, buffer)
 
 
-def _refuse(actions: object, agents: Sequence[str]) -> NoReturn:
+def _as_array(actions: object) -> NDArray[Any] | None:
+    """An array of any library as NumPy's, or None if it is none or out of NumPy's reach, as on a GPU."""
+    if not hasattr(actions, "__array__"):
+        return None
+    try:
+        return np.asarray(actions)
+    except (TypeError, ValueError, RuntimeError):
+        return None
+
+
+def _read_one_by_one(actions: object, agents: Sequence[str], buffer: Array) -> None:
     if not isinstance(actions, Mapping):
         raise InvalidAction(f"actions must be a dict from agent to action, not {type(actions).__name__}")
     missing = [agent for agent in agents if agent not in actions]
@@ -57,9 +70,8 @@ def _refuse(actions: object, agents: Sequence[str]) -> NoReturn:
     if missing or unknown:
         which = f"no action for {', '.join(missing)}" if missing else f"unknown agent {unknown[0]!r}"
         raise InvalidAction(f"{which}; wanted one action for each of {agents[0]} to {agents[-1]}")
-    for agent in agents:
+    for slot, agent in enumerate(agents):
         try:
-            check_actions(actions[agent], (1,))
+            buffer[slot] = check_actions(actions[agent], (1,))[0]
         except InvalidAction as error:
             raise InvalidAction(f"{agent}: {error}") from None
-    raise AssertionError("an action was refused without a reason")

@@ -69,8 +69,9 @@ class ClosedLoop(ParallelEnv[str, Array, Array]):
 
     ## Action
 
-    One number in [-1, 1], times 6 m/s²: the acceleration over the next step. A value outside, or of another type than
-    float32, is refused, not clipped. Braking goes on below standstill: a vehicle may back, which costs reward.
+    One number in [-1, 1], times 6 m/s²: the acceleration over the next step, as an array of float32, NumPy's or one
+    that NumPy can read, as a torch tensor. A value outside or of another type is refused, not clipped. Braking goes on
+    below standstill: a vehicle may back, which costs reward.
 
     ## Observation
 
@@ -124,8 +125,10 @@ class ClosedLoop(ParallelEnv[str, Array, Array]):
     ## Going on, and the end
 
     A vehicle that leaves the map is reinserted at the begin of a random route, with a random size and speed; its slot
-    lives on. Only then does `infos[agent]` hold something: `"reinserted"`, which is true, and `"final_observation"`,
-    the last observation of the vehicle that left, with which a learner bootstraps the return that ends there.
+    lives on. `infos[agent]` of that step holds `"reinserted"`, which is true, and `"final_observation"`, the last
+    observation of the vehicle that left, with which a learner bootstraps the return that ends there. After all other
+    steps it is empty; after a reset it holds both keys too, `"reinserted"` false and the first observation, for
+    wrappers that ask the first infos which keys there are.
 
     The world ends for all agents together:
 
@@ -172,6 +175,7 @@ class ClosedLoop(ParallelEnv[str, Array, Array]):
         """The environment; the class says what the arguments mean.
 
         Raises:
+            TypeError: `vehicles` or `max_cycles` is no whole number.
             ValueError: an impossible argument.
             OSError: a map's or policy's file cannot be read.
         """
@@ -181,7 +185,7 @@ class ClosedLoop(ParallelEnv[str, Array, Array]):
         self._map, self._gap = map, gap
         self._bind(ClosedLoopWorlds(map, vehicles=vehicles, gap=gap, max_cycles=max_cycles, autoreset="off"))
         self._worlds_end = max_cycles
-        self.possible_agents = [f"vehicle_{slot}" for slot in range(vehicles)]
+        self.possible_agents = [f"vehicle_{slot}" for slot in range(self._action.shape[0])]
         self._nobody = dict.fromkeys(self.possible_agents, False)
         self.agents: list[str] = []
         intersection = self._worlds.intersection
@@ -204,7 +208,8 @@ class ClosedLoop(ParallelEnv[str, Array, Array]):
         """A new start: the one that the seed determines, or the next one.
 
         Raises:
-            TypeError, ValueError: a seed that is no whole number from 0 to 2^63 - 1, or a `max_cycles` below 1.
+            TypeError, ValueError: a seed that is no whole number from 0 to 2^63 - 1, or a `max_cycles` that is none
+                from 1.
             RuntimeError: there is no room on the map for so many vehicles.
         """
         if self.max_cycles != self._worlds_end:
@@ -266,7 +271,9 @@ class ClosedLoop(ParallelEnv[str, Array, Array]):
         vehicles, end = len(self.possible_agents), self.max_cycles
         worlds = ClosedLoopWorlds(self._map, vehicles=vehicles, gap=self._gap, max_cycles=end, autoreset="off")
         if self._worlds.is_reset:
-            worlds.set_state(self._worlds.state())
+            # Only the random stream matters, as a start follows; the cycle may lie beyond the new end.
+            state = self._worlds.state()
+            worlds.set_state(state | {"cycle": np.zeros_like(state["cycle"])})
         self._bind(worlds)
         self._worlds_end = end
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from intersection_env import _core
 from intersection_env.intersection import Intersection
 from intersection_env.predictor import DT, Prediction
 from intersection_env.traffic import Traffic
@@ -65,15 +66,7 @@ def crossing_order(traffic: Traffic, prediction: Prediction) -> NDArray[np.int8]
 
     A vehicle reaches a conflict when its front bumper is where the other route's swept area begins.
     """
-    order = np.zeros((len(prediction.position), len(traffic.conflicts)), np.int8)
-    between = {(c.yielder, c.prioritized): c for c in traffic.intersection.conflicts}
-    for p, (i, j) in enumerate(traffic.conflicts.tolist()):
-        conflict = between[int(traffic.route[i]), int(traffic.route[j])]
-        mine = first_time(prediction.position[:, :, i] + traffic.length[i] / 2, conflict.on_yielder[0])
-        other = first_time(prediction.position[:, :, j] + traffic.length[j] / 2, conflict.on_prioritized[0])
-        # ours: both within one step counts as the prioritized vehicle's
-        order[:, p] = np.where(mine < other, 1, np.where(np.isfinite(other), -1, 0))
-    return order
+    return _core.crossing_order(traffic.intersection.core, traffic.core, prediction.position)
 
 
 def first_time(front: NDArray[np.float32], line: float) -> NDArray[np.float64]:

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from intersection_env import _core
+from intersection_env.intersection import Intersection
 from intersection_env.policy import DT as DT
 from intersection_env.policy import PolicyFile
 from intersection_env.traffic import Traffic, naming
@@ -143,7 +144,7 @@ class Predictor:
         """
         assignments = as_assignments(traffic, priorities)
         with naming(traffic.ids):
-            results = self._on(traffic).predict(traffic.core, assignments, trajectories, True)
+            results = self.bound_to(traffic.intersection).predict(traffic.core, assignments, trajectories, True)
         position, speed, acceleration, enters, present, time_loss, minimum_distance = results
         if not trajectories:
             return Summary(traffic, time_loss, minimum_distance)
@@ -153,11 +154,11 @@ class Predictor:
 
     def observe(self, traffic: Traffic) -> Observation:
         """What every vehicle sees and decides at this moment, without intervention."""
-        driving, gap, accepts = self._on(traffic).observe(traffic.core)
+        driving, gap, accepts = self.bound_to(traffic.intersection).observe(traffic.core)
         return Observation(driving, gap, accepts.view(np.bool_))
 
-    def _on(self, traffic: Traffic) -> _core.Predictor:
-        intersection = traffic.intersection
+    def bound_to(self, intersection: Intersection) -> _core.Predictor:
+        """The core's predictor on this map, kept for the next time."""
         bound = self._bound.get(intersection.checksum)
         if bound is None:
             bound = self._bound[intersection.checksum] = _core.Predictor(intersection.core, self._policy)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeGuard
 
 import numpy as np
 from numpy.typing import NDArray
@@ -49,7 +49,12 @@ class RecordedTracks:
             if steps_to_act(track) >= LEAST_STEPS and not bicycle[index]
         ]
         if not actors:
-            raise ValueError(f"none of the {len(tracks)} vehicles in {len(scenes)} scenes is recorded for 1 s or more")
+            others = sum(steps_to_act(track) >= LEAST_STEPS for _, track in tracks)
+            cause = f"{others} are, but they are bicycles" if others else "no bicycle either"
+            raise ValueError(
+                f"none of the {len(tracks)} vehicles in {len(scenes)} scenes is a car or truck that is recorded "
+                f"for 1 s or more ({cause})"
+            )
         arrays["track_route"] = arrays["track_route"].astype(np.int32)
         arrays["track_max_speed"] = np.where(bicycle, BICYCLE_MAX_SPEED, np.inf).astype(np.float32)
         return cls(
@@ -76,9 +81,12 @@ class RecordedTracks:
         Without a vehicle, one of the scene's is drawn. A vehicle alone must be an id that only one scene has.
 
         Raises:
-            ValueError: no such scene, no such vehicle in it, a vehicle that cannot act, or one that leaves open which
-                scene is meant.
+            ValueError: an option is None, no such scene, no such vehicle in it, a vehicle that cannot act, or one that
+                leaves open which scene is meant.
         """
+        for name, value in options.items():
+            if value is None:
+                raise ValueError(f'option "{name}" is None; wanted an id or a number, or no such option')
         vehicle = options.get("vehicle")
         scene = self._scene(options.get("scene"), vehicle)
         begin = int(self.arrays["scene_tracks"][scene])
@@ -86,7 +94,7 @@ class RecordedTracks:
             return begin + self._in_scene(self.scenes[scene], vehicle)
         inside = self.actors[(self.actors >= begin) & (self.actors < self.arrays["scene_tracks"][scene + 1])]
         if not len(inside):
-            raise ValueError(f"no vehicle of scene {self.scenes[scene].id} is recorded for 1 s or more")
+            raise ValueError(f"no car or truck of scene {self.scenes[scene].id} is recorded for 1 s or more")
         return int(random.choice(inside))
 
     def _scene(self, scene: object, vehicle: object) -> int:
@@ -100,8 +108,8 @@ class RecordedTracks:
         ids = [one.id for one in self.scenes]
         if isinstance(scene, str) and scene in ids:
             return ids.index(scene)
-        if isinstance(scene, int) and 0 <= scene < len(ids):
-            return scene
+        if _is_number(scene) and 0 <= scene < len(ids):
+            return int(scene)
         raise ValueError(f'option "scene" is {scene!r}; wanted an id, as "{ids[0]}", or a number below {len(ids)}')
 
     @staticmethod
@@ -109,14 +117,18 @@ class RecordedTracks:
         ids = [track.id for track in scene.tracks]
         if isinstance(vehicle, str) and vehicle in ids:
             index = ids.index(vehicle)
-        elif isinstance(vehicle, int) and 0 <= vehicle < len(ids):
-            index = vehicle
+        elif _is_number(vehicle) and 0 <= vehicle < len(ids):
+            index = int(vehicle)
         else:
             wanted = f'an id, as "{ids[0]}", or a number below {len(ids)}'
             raise ValueError(f'option "vehicle" is {vehicle!r}; in scene {scene.id} wanted {wanted}')
         if steps_to_act(scene.tracks[index]) < 1:
             raise ValueError(f"vehicle {ids[index]} cannot act: scene {scene.id} has at most one recorded state of it")
         return index
+
+
+def _is_number(value: object) -> TypeGuard[int | np.integer]:
+    return isinstance(value, int | np.integer) and not isinstance(value, bool)
 
 
 def steps_to_act(track: Track) -> int:

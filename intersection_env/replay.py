@@ -58,8 +58,9 @@ class Replay(gymnasium.Env[Array, Array]):
 
     ## Action
 
-    One number in [-1, 1], times 6 m/s²: the acceleration over the next step. A value outside, or of another type than
-    float32, is refused, not clipped. Braking ends at standstill.
+    One number in [-1, 1], times 6 m/s²: the acceleration over the next step, as an array of float32, NumPy's or one
+    that NumPy can read, as a torch tensor. A value outside or of another type is refused, not clipped. Braking ends at
+    standstill.
 
     ## Observation
 

@@ -12,6 +12,7 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
 from intersection_env.actions import check_actions
+from intersection_env.arguments import whole_number
 from intersection_env.policy import DT
 from intersection_env.scenes import Scenes
 from intersection_env.spaces import action_space, observation_space
@@ -40,6 +41,7 @@ class ReplayVector(VectorEnv[Array, Array, Array]):
     | `autoreset_mode` | `"NextStep"` | an `AutoresetMode` or its value, see below |
     | `threads` | 1 | how many step the worlds, 0: one a core; they do not change what happens |
     | `render_mode` | `None` | `"rgb_array"` |
+    | `max_episode_steps` | `None` | steps after which an episode is truncated, as by Gymnasium's `TimeLimit` |
 
     - `"NextStep"`: a world whose episode has ended starts anew with the next step, which ignores its action and gives
       it a reward of 0.
@@ -62,10 +64,12 @@ class ReplayVector(VectorEnv[Array, Array, Array]):
         autoreset_mode: str | AutoresetMode = AutoresetMode.NEXT_STEP,
         threads: int = 1,
         render_mode: str | None = None,
+        max_episode_steps: int | None = None,
     ) -> None:
         """The environment; the class says what the arguments mean.
 
         Raises:
+            TypeError: a count that is no whole number.
             ValueError: an impossible argument, or a scenes file that is damaged or of another map or version.
             OSError: a file cannot be read.
         """
@@ -73,7 +77,13 @@ class ReplayVector(VectorEnv[Array, Array, Array]):
         self.autoreset_mode = AutoresetMode(autoreset_mode)
         self.metadata = self.metadata | {"autoreset_mode": self.autoreset_mode}
         self.render_mode = render_mode
-        self.num_envs = num_envs
+        self.num_envs = num_envs = whole_number("num_envs", num_envs)
+        if max_episode_steps is not None and whole_number("max_episode_steps", max_episode_steps) < 1:
+            raise ValueError(f"max_episode_steps is {max_episode_steps}; wanted 1 or more, or None")
+        self._limit = max_episode_steps
+        self._elapsed = np.zeros(num_envs, np.int64)
+        self._cut = np.zeros(num_envs, np.bool_)
+        """Where the last step reached the limit, of which the core knows nothing, and the next one starts anew."""
         # "SameStep" is made from "off" and a reset, since the core's own would overwrite the final info.
         autoreset: Autoreset = "next_step" if self.autoreset_mode is AutoresetMode.NEXT_STEP else "off"
         self._worlds = ReplayWorlds(scenes, split=split, gap=gap, worlds=num_envs, autoreset=autoreset, threads=threads)
@@ -116,6 +126,8 @@ class ReplayVector(VectorEnv[Array, Array, Array]):
                 worlds.set_state(seeded)
         if self._waiting is not None:
             self._waiting &= ~mask
+        self._elapsed[mask] = 0
+        self._cut[mask] = False
         infos: dict[str, Any] = {}
         self._add_infos(infos, self._all if mask.all() else mask)
         return worlds.observation.copy(), infos
@@ -134,9 +146,12 @@ class ReplayVector(VectorEnv[Array, Array, Array]):
             raise ResetNeeded('an episode has ended, autoreset is disabled: call reset(options={"reset_mask": ...})')
         worlds.action[:] = check_actions(actions, (self.num_envs, 1))[:, 0]
         worlds.core.step()
+        reward = worlds.reward.astype(np.float64)
+        terminated, truncated = worlds.terminated.copy(), worlds.truncated.copy()
+        if self._limit is not None:
+            self._keep_limit(self._limit, reward, terminated, truncated)
         observation = worlds.observation.copy()
-        results = (worlds.reward.astype(np.float64), worlds.terminated.copy(), worlds.truncated.copy())
-        done = worlds.terminated | worlds.truncated
+        done = terminated | truncated
         infos: dict[str, Any] = {}
         if TRUE in done.tobytes():
             if self.autoreset_mode is AutoresetMode.SAME_STEP:
@@ -146,12 +161,24 @@ class ReplayVector(VectorEnv[Array, Array, Array]):
             if self._waiting is not None:
                 self._waiting |= done
         self._add_infos(infos, self._all)
-        return observation, *results, infos
+        return observation, reward, terminated, truncated, infos
 
     def render(self) -> tuple[NDArray[np.uint8], ...] | None:
         """A picture of each world (600, 600, 3); raises as `View.show`."""
         pictures = [self._view.show(self._worlds, world) for world in range(self.num_envs if self.render_mode else 1)]
         return tuple(picture for picture in pictures if picture is not None) or None
+
+    def _keep_limit(self, limit: int, reward: Array, terminated: Array, truncated: Array) -> None:
+        """Starts anew what the limit cut one step ago, and cuts what has reached it now; changes the arrays given."""
+        if self._cut.any():
+            self._worlds.reset_worlds(self._cut)
+            reward[self._cut], terminated[self._cut], truncated[self._cut] = 0.0, False, False
+        self._elapsed += 1
+        reached = self._elapsed >= limit
+        is_next = self.autoreset_mode is AutoresetMode.NEXT_STEP
+        self._cut = reached & ~(terminated | truncated) & is_next
+        truncated |= reached
+        self._elapsed[terminated | truncated] = -1 if is_next else 0  # the restart by the next step counts to 0
 
     def _mask(self, options: dict[str, Any]) -> NDArray[np.bool_]:
         unknown = [name for name in options if name != "reset_mask"]

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from intersection_env import _core
 from intersection_env.intersection import Intersection
 from intersection_env.scene import ROAD_USERS, SPLITS, Scene, Track
 
@@ -72,8 +73,9 @@ def _check_values(arrays: dict[str, NDArray[Any]], intersection: Intersection) -
     _refuse(arrays, "track_class", ~np.isin(arrays["track_class"], ROAD_USERS), f"one of {', '.join(ROAD_USERS)}")
     route = arrays["track_route"]
     _refuse(arrays, "track_route", (route < 0) | (route >= len(lengths)), f"0 to {len(lengths) - 1}")
-    for name in ("track_length", "track_width"):
-        _refuse(arrays, name, ~((arrays[name] > 0.0) & np.isfinite(arrays[name])), "a positive number")
+    for name, most in (("track_length", _core.MOST_LENGTH), ("track_width", _core.MOST_WIDTH)):
+        is_size = (arrays[name] > 0.0) & (arrays[name] <= most)  # so written, NaN is refused too
+        _refuse(arrays, name, ~is_size, f"a positive number, at most {most:g} m")
     _refuse(arrays, "scene_steps", arrays["scene_steps"] < 1, "1 or more")
     for name in ("scene_start", "position", "speed"):
         _refuse(arrays, name, ~((arrays[name] >= 0.0) & np.isfinite(arrays[name])), "a finite number, not negative")

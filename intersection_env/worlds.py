@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from intersection_env import _core
+from intersection_env.arguments import check_seed, check_state, whole_number
 from intersection_env.intersection import Intersection
 from intersection_env.policy import PolicyFile
 from intersection_env.predictor import Predictor
@@ -21,7 +22,6 @@ from intersection_env.scenes import Scenes
 
 Autoreset = Literal["off", "same_step", "next_step"]
 RULES = ("critical_gap", "sumo")
-MOST_SEED = 2**63 - 1
 
 
 class _Worlds:
@@ -53,11 +53,7 @@ class _Worlds:
             TypeError, ValueError: a seed that is no whole number from 0 to 2^63 - 1.
             RuntimeError: there is no room on the map for so many vehicles.
         """
-        if not isinstance(seed, int | np.integer):
-            raise TypeError(f"seed is {seed!r}; wanted a whole number")
-        if not 0 <= seed <= MOST_SEED:
-            raise ValueError(f"seed is {seed}; wanted 0 to 2^63 - 1")
-        self.core.reset(int(seed), desynchronise)
+        self.core.reset(check_seed(seed), desynchronise)
         self.is_reset = True
 
     def reset_worlds(self, mask: NDArray[np.bool_]) -> None:
@@ -76,8 +72,9 @@ class _Worlds:
         """Goes back to a state; `observation` follows, rewards and flags are those of no step.
 
         Raises:
-            KeyError, TypeError, ValueError: the state is not one of such worlds.
+            TypeError, ValueError: the state is not one of such worlds; the message names the array.
         """
+        check_state(state, self.core.state(), self._arguments.get("max_cycles"))
         self.core.set_state(state)
         self.is_reset = True
 
@@ -135,8 +132,12 @@ class ClosedLoopWorlds(_Worlds):
             isa: the core's kernel, by default the best one of this machine.
 
         Raises:
-            ValueError: an impossible argument, as more vehicles than the map has room for.
+            TypeError: a count that is no whole number.
+            ValueError: an impossible argument. Whether the map has room for so many vehicles only `reset` finds out.
+            OSError: a map's or policy's file cannot be read.
         """
+        worlds, vehicles = whole_number("worlds", worlds), whole_number("vehicles", vehicles)
+        max_cycles, threads = whole_number("max_cycles", max_cycles), whole_number("threads", threads)
         super().__init__(
             {
                 "map": map,
@@ -200,8 +201,10 @@ class ReplayWorlds(_Worlds):
 
         Raises:
             FileNotFoundError: there is no such file.
+            TypeError: a count that is no whole number.
             ValueError: an impossible argument, or a scenes file that is damaged or of another map or version.
         """
+        worlds, threads = whole_number("worlds", worlds), whole_number("threads", threads)
         super().__init__(
             {
                 "scenes": scenes,
@@ -216,7 +219,8 @@ class ReplayWorlds(_Worlds):
         recorded = scenes if isinstance(scenes, Scenes) else Scenes.load(scenes)
         recorded = recorded if split is None else recorded.select(split)
         if not len(recorded):
-            raise ValueError(f'{scenes}: no scene of split "{split}"')
+            where = "the scenes handed over" if isinstance(scenes, Scenes) else f"scenes {scenes}"
+            raise ValueError(f"{where}: " + ("there are none" if split is None else f'no scene of split "{split}"'))
         self.intersection = recorded.intersection
         self.tracks = RecordedTracks.of(recorded)
         self.is_recorded = str(gap) == "recording"

@@ -16,6 +16,7 @@ import numpy as np
 import pettingzoo
 import pettingzoo.test
 import pytest
+import torch
 from gymnasium.error import InvalidAction, ResetNeeded
 from pettingzoo.utils.wrappers import RecordVideoParallel
 
@@ -326,6 +327,47 @@ def test_bad_action_is_refused_and_the_episode_goes_on(case: str) -> None:
     assert as_bytes(environment.step(good)) == as_bytes(other.step(good))
 
 
+def test_action_of_another_library_is_read_and_a_list_is_not() -> None:
+    environment, other = parallel_env(), parallel_env()
+    good = dict.fromkeys(environment.possible_agents, np.full(1, 0.25, np.float32))
+    for one in (environment, other):
+        one.reset(seed=1)
+    tensors: dict[str, Any] = dict.fromkeys(good, torch.full((1,), 0.25))
+    assert as_bytes(environment.step(tensors)) == as_bytes(other.step(good))
+    bad: Any
+    tensor: Any = torch.zeros(1, dtype=torch.float64)
+    for bad, message in (
+        (tensor, "float64"),
+        ([np.float32(0.25)], "list"),
+        (torch.zeros(1, requires_grad=True), "Tensor"),
+    ):
+        with pytest.raises(InvalidAction, match=f"vehicle_3: .*not {message}"):
+            environment.step(good | {"vehicle_3": bad})
+
+
+def test_infos_are_empty_but_after_a_reset_and_at_a_reinsertion() -> None:
+    environment = parallel_env()
+    observations, infos = environment.reset(seed=1)
+    for agent in environment.possible_agents:
+        assert infos[agent]["reinserted"] is False
+        assert (infos[agent]["final_observation"] == observations[agent]).all()
+    *_, infos = environment.step(dict.fromkeys(environment.possible_agents, GOOD))
+    assert list(infos.values()) == [{}] * 12
+
+
+def test_end_can_be_brought_forward_within_an_episode() -> None:
+    environment = parallel_env()
+    environment.reset(seed=1)
+    good = dict.fromkeys(environment.possible_agents, GOOD)
+    for _ in range(3):
+        environment.step(good)
+    environment.max_cycles = 2
+    environment.reset()
+    environment.step(good)
+    environment.step(good)
+    assert not environment.agents
+
+
 def test_turn_based_environment_refuses_a_bad_action_at_once() -> None:
     turns = env()
     turns.reset(seed=1)
@@ -342,6 +384,12 @@ def test_turn_based_environment_refuses_a_bad_action_at_once() -> None:
         ({"map": "nowhere.map"}, FileNotFoundError, "nowhere.map"),
         ({"vehicles": 0}, ValueError, "vehicles must be from 1 to 64, not 0"),
         ({"vehicles": 65}, ValueError, "vehicles must be from 1 to 64, not 65"),
+        ({"vehicles": 12.0}, TypeError, "^vehicles is 12.0; wanted a whole number$"),
+        ({"vehicles": "3"}, TypeError, "^vehicles is '3'; wanted a whole number$"),
+        ({"vehicles": True}, TypeError, "^vehicles is True; wanted a whole number$"),
+        ({"vehicles": 2**40}, ValueError, "^vehicles is 1099511627776; wanted at most"),
+        ({"max_cycles": 2.5}, TypeError, "^max_cycles is 2.5; wanted a whole number$"),
+        ({"max_cycles": None}, TypeError, "^max_cycles is None; wanted a whole number$"),
         ({"max_cycles": 0}, ValueError, "max_cycles must be from 1"),
         ({"gap": "roulette"}, ValueError, 'gap: .*no policy "roulette"'),
         ({"gap": "idm"}, ValueError, 'the policy "idm" has no gap network'),
@@ -362,7 +410,9 @@ def test_more_vehicles_than_the_map_has_room_for_are_refused(tmp_path: Path) -> 
         environment.reset(seed=1)
 
 
-@pytest.mark.parametrize(("seed", "error"), [(-1, ValueError), (2**63, ValueError), (1.5, TypeError), ("7", TypeError)])
+@pytest.mark.parametrize(
+    ("seed", "error"), [(-1, ValueError), (2**63, ValueError), (1.5, TypeError), ("7", TypeError), (True, TypeError)]
+)
 def test_bad_seed_is_refused_and_the_episode_goes_on(seed: Any, error: type[Exception]) -> None:
     environment, other = parallel_env(), parallel_env()
     for one in (environment, other):

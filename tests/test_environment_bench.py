@@ -131,4 +131,4 @@ def test_tables_show_every_rate_and_what_is_missing() -> None:
         assert line in block
     assert "| b | not installed |  |" in block
     assert "takes 1.7 ms" in block
-    assert "with 95 % of a core" in block
+    assert "with 99, 95 % of a core" in block

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import zlib
 from pathlib import Path
 
 import numpy as np
@@ -11,8 +10,9 @@ import pytest
 from intersection_env import Predictor, _core
 from intersection_env.policy import PolicyFile
 from tests import reference
+from tests.damage import damages, with_checksum
 from tests.test_core import weights
-from tests.twins import random_case, random_networks
+from tests.twins import CASES, random_case, random_networks
 
 
 def policy() -> PolicyFile:
@@ -68,7 +68,7 @@ def rewritten(old: str, new: str) -> str:
     text = policy().text()
     assert old in text
     body = text[: text.rindex("checksum ")].replace(old, new, 1)
-    return f"{body}checksum {zlib.crc32(body.encode()):08x}\n"
+    return with_checksum(body)
 
 
 @pytest.mark.parametrize(
@@ -119,3 +119,32 @@ def test_policy_file_that_is_no_text_is_named(tmp_path: Path) -> None:
     path.write_bytes(b"\x80\x81\x82")
     with pytest.raises(ValueError, match=r"binary\.policy: is not text"):
         Predictor.load(path)
+
+
+def test_damage_anywhere_with_a_right_checksum_never_crashes() -> None:
+    """Bytes changed, lines lost, doubled or cut, and the end cut off: refused in words, or a policy that predicts."""
+    traffic, _ = random_case("bendplatz", 20_003)
+    body = policy().text().rpartition("checksum ")[0]
+    refused = 0
+    for damaged in damages(body, 1500 * CASES, np.random.default_rng(1)):
+        try:
+            core = _core.Policy(with_checksum(damaged), "fuzzed.policy")
+        except ValueError as error:
+            assert str(error).startswith("fuzzed.policy")  # noqa: PT017, what is let in counts too
+            refused += 1
+            continue
+        no_intervention = np.zeros((1, len(traffic.conflicts)), np.int8)
+        predicted = _core.Predictor(traffic.intersection.core, core).predict(traffic.core, no_intervention, True, True)
+        assert np.isfinite(predicted[0]).all()
+    assert 500 * CASES < refused < 1450 * CASES
+
+
+def test_every_cut_of_a_policy_is_refused() -> None:
+    text = policy().text()
+    for end in range(0, len(text) - 1, 7):
+        with pytest.raises(ValueError, match=r"cut short|not a file|checksum|version"):
+            _core.Policy(text[:end], "cut.policy")
+    body = text.rpartition("checksum ")[0]
+    for end in range(0, body.rindex("\n", 0, -1), 7):  # within the last number it would be another policy
+        with pytest.raises(ValueError, match=r"cut\.policy"):
+            _core.Policy(with_checksum(body[:end] + "\n"), "cut.policy")

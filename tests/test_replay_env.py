@@ -13,6 +13,7 @@ from typing import Any
 import gymnasium
 import numpy as np
 import pytest
+import torch
 from gymnasium.envs.registration import EnvSpec
 from gymnasium.error import InvalidAction, ResetNeeded
 from gymnasium.utils.env_checker import check_env
@@ -199,6 +200,7 @@ def test_options_pick_scene_and_vehicle() -> None:
         {"scene": 4, "vehicle": track.id},
         {"scene": scene.id, "vehicle": number},
         {"scene": 4, "vehicle": number},
+        {"scene": np.int64(4), "vehicle": np.int32(number)},
     ):
         observation, info = environment.reset(options=options)
         assert (info["scene"], info["vehicle"]) == (scene.id, track.id)
@@ -351,6 +353,16 @@ def test_bad_action_is_refused_and_the_episode_goes_on(case: str) -> None:
     assert as_bytes(environment.step(STILL)) == as_bytes(other.step(STILL))
 
 
+def test_action_of_another_library_is_read() -> None:
+    environment, other = Replay(), Replay()
+    for one in (environment, other):
+        one.reset(seed=1)
+    tensor: Any = torch.full((1,), 0.25)
+    assert as_bytes(environment.step(tensor)) == as_bytes(other.step(np.full(1, 0.25, np.float32)))
+    with pytest.raises(InvalidAction, match="float32, not Tensor"):
+        environment.step(tensor.requires_grad_())
+
+
 BAD_OPTIONS: dict[str, tuple[dict[str, Any], str]] = {
     "unknown option": ({"scne": 1}, 'unknown option "scne"'),
     "unknown scene": ({"scene": "99/9"}, "option \"scene\" is '99/9'"),
@@ -360,6 +372,10 @@ BAD_OPTIONS: dict[str, tuple[dict[str, Any], str]] = {
     "unknown vehicle": ({"scene": 0, "vehicle": "99/99"}, "option \"vehicle\" is '99/99'"),
     "vehicle number too large": ({"scene": 0, "vehicle": 10_000}, 'option "vehicle" is 10000'),
     "unknown vehicle alone": ({"vehicle": "99/99"}, "option \"vehicle\" is '99/99'"),
+    "no scene": ({"scene": None, "vehicle": 3}, 'option "scene" is None'),
+    "no vehicle": ({"scene": 0, "vehicle": None}, 'option "vehicle" is None'),
+    "scene that is a truth": ({"scene": True}, 'option "scene" is True'),
+    "vehicle that is a truth": ({"scene": 0, "vehicle": False}, 'option "vehicle" is False'),
     "vehicle number alone": ({"vehicle": 3}, 'option "vehicle" is 3; without a "scene"'),
 }
 
@@ -422,13 +438,17 @@ def test_scenes_can_be_handed_over_and_none_that_act_are_refused() -> None:
     one = replace(scenes, scenes=scenes.scenes[:1])
     assert Replay(one, split=None).reset(seed=1)[1]["scene"] == scenes[0].id
     empty = replace(scenes.scenes[0], tracks=tuple(replace(t, road_user="bicycle") for t in scenes.scenes[0].tracks))
-    with pytest.raises(ValueError, match=r"none of the .* vehicles in 1 scenes"):
+    with pytest.raises(ValueError, match=r"none of the .* is a car or truck .*\d are, but they are bicycles"):
         Replay(replace(scenes, scenes=(empty,)), split=None)
-    with pytest.raises(ValueError, match='no scene of split "validation"'):
+    with pytest.raises(ValueError, match=r"^the scenes handed over: there are none$"):
+        Replay(replace(scenes, scenes=()), split=None)
+    with pytest.raises(ValueError, match=r'^the scenes handed over: no scene of split "validation"'):
         Replay(replace(scenes, scenes=scenes.select("train").scenes[:1]), split="validation")
 
 
-@pytest.mark.parametrize(("seed", "error"), [(-1, Exception), (2**63, ValueError), (1.5, Exception), ("7", Exception)])
+@pytest.mark.parametrize(
+    ("seed", "error"), [(-1, Exception), (2**63, ValueError), (1.5, Exception), ("7", Exception), (True, TypeError)]
+)
 def test_bad_seed_is_refused_and_the_episode_goes_on(seed: Any, error: type[Exception]) -> None:
     environment, other = Replay(), Replay()
     for one in (environment, other):

@@ -179,8 +179,66 @@ def test_bad_option_of_a_vector_is_refused(options: dict[str, Any], error: type[
 
 @pytest.mark.parametrize(
     ("arguments", "message"),
-    [({"num_envs": 0}, "worlds"), ({"autoreset_mode": "later"}, "later")],
+    [
+        ({"num_envs": 0}, "worlds"),
+        ({"autoreset_mode": "later"}, "later"),
+        ({"max_episode_steps": 0}, "max_episode_steps is 0"),
+    ],
 )
 def test_bad_argument_of_a_vector_is_refused(arguments: dict[str, Any], message: str) -> None:
     with pytest.raises(ValueError, match=message):
         ReplayVector(**arguments)
+
+
+@pytest.mark.parametrize("name", ["num_envs", "threads", "max_episode_steps"])
+@pytest.mark.parametrize("value", [2.0, "3", True])
+def test_count_of_a_vector_that_is_no_whole_number_is_refused(name: str, value: Any) -> None:
+    with pytest.raises(TypeError, match=f"^{name} is {value!r}; wanted a whole number$"):
+        ReplayVector(**{name: value})
+
+
+@pytest.mark.parametrize("mode", ["NextStep", "SameStep"])
+def test_step_limit_of_one_world_is_that_of_gymnasiums_own_vector(mode: str) -> None:
+    own = gymnasium.make_vec(ID, num_envs=1, autoreset_mode=mode, max_episode_steps=10)
+    plain = SyncVectorEnv([lambda: gymnasium.make(ID, max_episode_steps=10)], autoreset_mode=mode)
+    generator = np.random.default_rng(0)
+    assert as_sorted(own.reset(seed=3)) == as_sorted(plain.reset(seed=3))
+    lengths, begin = set(), 0
+    for step in range(200):
+        action = generator.uniform(-0.4, 0.4, (1, 1)).astype(np.float32)
+        one, other = own.step(action), plain.step(action)
+        assert as_sorted(one) == as_sorted(other)
+        if one[2][0] or one[3][0]:
+            lengths.add(step - begin)
+            begin = step
+    assert max(lengths) == (11 if mode == "NextStep" else 10)
+    assert len(lengths) > 1
+
+
+@pytest.mark.parametrize("mode", ["NextStep", "SameStep", "Disabled"])
+def test_step_limit_holds_for_each_world_by_itself(mode: str) -> None:
+    envs = ReplayVector(32, autoreset_mode=mode, max_episode_steps=10)
+    envs.reset(seed=4)
+    elapsed = np.zeros(32, np.int64)
+    was_done = np.zeros(32, np.bool_)
+    reached = 0
+    for step in range(60):
+        if step == 5:
+            mask = np.arange(32) < 8
+            envs.reset(options={"reset_mask": mask | was_done})
+            elapsed[mask | was_done] = 0
+            was_done[:] = False
+        elif mode == "Disabled" and was_done.any():
+            envs.reset(options={"reset_mask": was_done})
+            elapsed[was_done] = 0
+        *_, terminated, truncated, infos = envs.step(np.full((32, 1), 0.3, np.float32))
+        done = terminated | truncated
+        elapsed = np.where(was_done & (mode == "NextStep"), 0, elapsed + 1)
+        assert truncated[elapsed >= 10].all()
+        assert (elapsed <= 10).all()
+        reached += int((elapsed == 10).sum())
+        if mode == "SameStep":
+            elapsed[done] = 0
+            assert ("final_obs" in infos) == done.any()
+        was_done = done
+    assert reached > 50

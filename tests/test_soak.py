@@ -12,6 +12,10 @@ def test_random_actions_leave_everything_finite_on_its_route_and_within_the_spac
     soak.run(200_000, 20_000, worlds=64, threads=1)
 
 
+def test_predictions_leave_memory_as_it_is() -> None:
+    soak.predict(20_000, batch=64)
+
+
 @pytest.mark.parametrize("kind", ["closed_loop", "replay"])
 def test_the_soak_sees_what_is_wrong(kind: str) -> None:
     one = soak.closed_loop("bendplatz", "critical_gap", 80, 1) if kind == "closed_loop" else soak.replay(80, 1)

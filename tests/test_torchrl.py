@@ -222,6 +222,55 @@ def test_a_state_is_gone_back_to(make: Callable[..., Env]) -> None:
 
 
 @BOTH
+def test_a_refused_seed_leaves_the_environment_as_it_was(make: Callable[..., Env]) -> None:
+    env = make()
+    env.set_seed(3)
+    for seed in (-1, True):
+        with pytest.raises((TypeError, ValueError), match="seed is"):
+            env.set_seed(seed)
+    twin = make()
+    twin.set_seed(3)
+    assert (agents_of(env, env.reset())["observation"] == agents_of(twin, twin.reset())["observation"]).all()
+
+
+@BOTH
+@pytest.mark.parametrize(
+    ("spoil", "error", "message"),
+    [
+        (lambda state: state | {"mood": state["done"]}, ValueError, 'no array "mood"'),
+        (lambda state: state | {"speed": state["speed"].T[None]}, ValueError, '"speed" of the state has shape'),
+        (
+            lambda state: state | {"speed": state["speed"].astype(np.float64)},
+            TypeError,
+            '"speed" of the state is float64',
+        ),
+        (lambda state: {name: state[name] for name in state if name != "done"}, ValueError, '"done" .* is missing'),
+        (lambda state: state | {"random": state["random"] * 0}, ValueError, '"random" of the state, world 0'),
+        (lambda state: None, TypeError, "must be a dict"),
+    ],
+)
+def test_a_state_of_other_worlds_is_refused(
+    make: Callable[..., Env], spoil: Callable[[Any], Any], error: type[Exception], message: str
+) -> None:
+    env = make()
+    env.reset()
+    state = env.state()
+    with pytest.raises(error, match=message):
+        env.set_state(spoil(state))
+    assert all((values == state[name]).all() for name, values in env.state().items())
+
+
+@pytest.mark.parametrize("cycle", [-1, 61])
+def test_a_state_beyond_the_last_cycle_is_refused(cycle: int) -> None:
+    env = closed_loop()
+    env.reset()
+    state = env.state()
+    state["cycle"][2] = cycle
+    with pytest.raises(ValueError, match=f'"cycle" of the state, world 2: {cycle}; wanted 0 to 60'):
+        env.set_state(state)
+
+
+@BOTH
 def test_a_reset_of_some_worlds_leaves_the_others(make: Callable[..., Env]) -> None:
     env = make()
     before = env.reset()

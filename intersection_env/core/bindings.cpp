@@ -12,6 +12,7 @@
 
 #include "closed_loop.hpp"
 #include "dispatch.hpp"
+#include "maneuvers.hpp"
 #include "map.hpp"
 #include "orders.hpp"
 #include "policy.hpp"
@@ -170,6 +171,61 @@ Orders make_orders(const Map& map, const Traffic& traffic, const Vector<std::uin
         throw std::invalid_argument("cooperative takes one flag a vehicle, preferred one direction a pair");
     }
     return {map, traffic, pairs, {cooperative.data(), cooperative.size()}, {preferred.data(), preferred.size()}};
+}
+
+using Doubles = nb::ndarray<nb::numpy, double>;
+using Booleans = nb::ndarray<nb::numpy, bool>;
+
+template <class T, class Field>
+nb::ndarray<nb::numpy, T> column(const Ranking& ranking, Field Maneuver::* field) {
+    auto array = make<T>({ranking.maneuvers.size()});
+    std::transform(ranking.maneuvers.begin(), ranking.maneuvers.end(), array.data(),
+                   [field](const Maneuver& maneuver) { return static_cast<T>(maneuver.*field); });
+    return array;
+}
+
+std::tuple<Arrays, std::size_t> rank(const Predictor& predictor, const Traffic& traffic,
+                                     const Vector<std::uint8_t>& cooperative, std::optional<std::size_t> limit) {
+    Ranking ranking;
+    {
+        const nb::gil_scoped_release release;
+        ranking = rank_maneuvers(predictor, traffic, {cooperative.data(), cooperative.size()}, limit, kernel());
+    }
+    auto priorities = make<std::int8_t>({ranking.maneuvers.size(), ranking.pairs.size()});
+    std::copy(ranking.priorities.begin(), ranking.priorities.end(), priorities.data());
+    Arrays columns;
+    columns["total_time_loss"] = column<double>(ranking, &Maneuver::total_time_loss);
+    columns["worst_time_loss"] = column<double>(ranking, &Maneuver::worst_time_loss);
+    columns["gain"] = column<double>(ranking, &Maneuver::gain);
+    columns["worth_executing"] = column<bool>(ranking, &Maneuver::worth_executing);
+    columns["minimum_distance"] = column<double>(ranking, &Maneuver::minimum_distance);
+    columns["safe"] = column<bool>(ranking, &Maneuver::safe);
+    columns["intervention"] = column<bool>(ranking, &Maneuver::intervention);
+    columns["priorities"] = priorities;
+    return {columns, ranking.left_out};
+}
+
+nb::ndarray<nb::numpy, std::int8_t>
+order_of(const Map& map, const Traffic& traffic,
+         const nb::ndarray<const float, nb::ndim<3>, nb::c_contig, nb::device::cpu>& position) {
+    if (position.shape(1) != STEPS + 1 || position.shape(2) != traffic.route.size()) {
+        throw std::invalid_argument("position must be (scenario, " + std::to_string(STEPS + 1) + ", vehicle)");
+    }
+    const std::vector<Pair> pairs = find_conflicts(map, traffic);
+    const std::vector<std::int8_t> order = crossing_order(map, traffic, pairs, position.data(), position.shape(0));
+    auto array = make<std::int8_t>({position.shape(0), pairs.size()});
+    std::copy(order.begin(), order.end(), array.data());
+    return array;
+}
+
+std::vector<std::string> words_of(const Map& map, const Traffic& traffic, const std::vector<std::string>& names,
+                                  const Table<std::int8_t>& orders) {
+    const std::vector<Pair> pairs = find_conflicts(map, traffic);
+    if (names.size() != traffic.route.size() || orders.shape(1) != pairs.size()) {
+        throw std::invalid_argument("names take one entry a vehicle, orders (order, " + std::to_string(pairs.size()) +
+                                    ")");
+    }
+    return in_words(map, traffic, pairs, names, orders.data(), orders.shape(0));
 }
 
 // A view of memory that its owner, a bound object, keeps.
@@ -351,6 +407,9 @@ NB_MODULE(_core, m) {
     m.attr("MOST_LENGTH") = MOST_LENGTH;
     m.attr("MOST_WIDTH") = MOST_WIDTH;
     m.attr("MOST_SPEED") = MOST_SPEED;
+    m.attr("WORTHWHILE_GAIN") = WORTHWHILE_GAIN;
+    m.attr("MOST_MANEUVERS") = MOST_MANEUVERS;
+    m.attr("MOST_COUNTED") = MOST_COUNTED;
     m.def("available_kernels", &available_kernels, "The instruction sets of this machine's kernels, best last.");
     m.def(
         "gap_features", [] { return std::vector<std::string>(GAP_FEATURES.begin(), GAP_FEATURES.end()); },
@@ -358,6 +417,23 @@ NB_MODULE(_core, m) {
     m.def(
         "driving_features", [] { return std::vector<std::string>(DRIVING_FEATURES.begin(), DRIVING_FEATURES.end()); },
         "The driving network's inputs, by name and unit.");
+    m.def(
+        "multiply_adds",
+        [](const std::string& isa, long rounds) {
+            const Kernel& one = kernel_named(isa);
+            const nb::gil_scoped_release release;
+            return std::make_tuple(12 * one.lanes * rounds, one.multiply_add(rounds));
+        },
+        "isa"_a, "rounds"_a,
+        "Does float32 multiply-adds as fast as this kernel can; how many, and a number they end in.");
+    m.def(
+        "tanhs",
+        [](const std::string& isa, long rounds) {
+            const Kernel& one = kernel_named(isa);
+            const nb::gil_scoped_release release;
+            return std::make_tuple(16 * one.lanes * rounds, one.hyperbolic_tangent(rounds));
+        },
+        "isa"_a, "rounds"_a, "Likewise tanh.");
     m.def("kernel_name", [] { return kernel().name; }, "The kernel in use.");
 
     nb::class_<Route>(m, "Route")
@@ -404,9 +480,10 @@ NB_MODULE(_core, m) {
     m.def(
         "committed",
         [](const Map& map, const Traffic& t) {
-            const auto flags = committed(map, t);
-            auto array = make<bool>({flags.size()});
-            std::copy(flags.begin(), flags.end(), array.data());
+            auto array = make<bool>({t.route.size()});
+            for (int i = 0; i < t.count(); ++i) {
+                array.data()[i] = committed(map, t, i);
+            }
             return array;
         },
         "map"_a, "traffic"_a, "(vehicle,): past stopping at its line.");
@@ -426,8 +503,10 @@ NB_MODULE(_core, m) {
             }
             auto array = make<std::int8_t>({assignments.shape(0), pairs.size()});
             std::copy(assignments.data(), assignments.data() + assignments.size(), array.data());
+            Completion completion;
+            completion.prepare(map, traffic, pairs);
             for (std::size_t s = 0; s < assignments.shape(0); ++s) {
-                complete(map, traffic, pairs, {array.data() + s * pairs.size(), pairs.size()});
+                completion.complete({array.data() + s * pairs.size(), pairs.size()});
             }
             return array;
         },
@@ -465,6 +544,14 @@ NB_MODULE(_core, m) {
         .def("predict", &predict, "traffic"_a, "assignments"_a.noconvert(), "trajectories"_a, "safety"_a,
              "decisions"_a.noconvert().none() = nb::none(), "isa"_a = nb::none(),
              "position, speed, acceleration, enters, present, time_loss, minimum_distance.");
+
+    m.def("rank_maneuvers", &rank, "predictor"_a, "traffic"_a, "cooperative"_a.noconvert(), "limit"_a.none(),
+          "Every crossing order and no intervention, ranked: columns (maneuver,), priorities (maneuver, pair); and how "
+          "many orders were left out.");
+    m.def("crossing_order", &order_of, "map"_a, "traffic"_a, "position"_a.noconvert(),
+          "(scenario, pair): who reached each conflict first in positions (scenario, time, vehicle).");
+    m.def("in_words", &words_of, "map"_a, "traffic"_a, "names"_a, "orders"_a.noconvert(),
+          "Orders (order, pair) as sequences of vehicles.");
 
     auto closed_loop =
         nb::class_<ClosedLoop>(m, "ClosedLoop",

@@ -14,11 +14,12 @@ namespace {
 
 std::size_t at(long index) { return static_cast<std::size_t>(index); }
 
-void check_range(const char* what, long value, long least, long most) {
+int checked(const char* what, int value, int least, int most) {
     if (value < least || value > most) {
         throw std::invalid_argument(std::string(what) + " must be from " + std::to_string(least) + " to " +
                                     std::to_string(most) + ", not " + std::to_string(value));
     }
+    return value;
 }
 
 } // namespace
@@ -31,12 +32,10 @@ struct ClosedLoop::Aligned {
 
 ClosedLoop::ClosedLoop(std::shared_ptr<const Map> map, Policy policy, int worlds, int vehicles, int max_cycles,
                        Autoreset autoreset, int threads, const Kernel& kernel)
-    : tables_(std::move(map)), policy_(std::move(policy)), worlds_(worlds), vehicles_(vehicles),
-      max_cycles_(max_cycles), blocks_((worlds + BLOCK - 1) / BLOCK), autoreset_(autoreset), kernel_(kernel),
-      threads_(threads), aligned_(std::make_unique<Aligned>()) {
-    check_range("worlds", worlds, 1, 1L << 24);
-    check_range("vehicles", vehicles, 1, MAX_VEHICLES);
-    check_range("max_cycles", max_cycles, 1, 1L << 24);
+    : tables_(std::move(map)), policy_(std::move(policy)), worlds_(checked("worlds", worlds, 1, 1 << 24)),
+      vehicles_(checked("vehicles", vehicles, 1, MAX_VEHICLES)),
+      max_cycles_(checked("max_cycles", max_cycles, 1, 1 << 24)), blocks_((worlds + BLOCK - 1) / BLOCK),
+      autoreset_(autoreset), kernel_(kernel), threads_(threads), aligned_(std::make_unique<Aligned>()) {
     const std::size_t agents = at(static_cast<long>(worlds) * vehicles);
     action.resize(agents);
     reward.resize(agents);
@@ -139,6 +138,9 @@ void ClosedLoop::start(const std::vector<std::int32_t>& listed, bool desynchroni
     std::atomic<bool> found = true;
     const int lanes = kernel_.lanes, count = static_cast<int>(listed.size());
     threads_.share((count + lanes - 1) / lanes, [&](int row, int thread) {
+        if (!found) {
+            return; // one start that is not found is enough
+        }
         ClosedLoopArguments g = arguments(0, Task::start);
         g.listed = listed.data() + static_cast<long>(row) * lanes;
         g.listed_count = std::min(lanes, count - row * lanes);
@@ -181,6 +183,7 @@ std::vector<std::int32_t> ClosedLoop::ended() const {
 }
 
 void ClosedLoop::reset(std::uint64_t seed, bool desynchronise) {
+    const Claim claim(held_);
     std::vector<std::int32_t> every;
     for (std::int32_t world = 0; world < worlds_; ++world) {
         const auto stream = random_stream(seed, static_cast<std::uint64_t>(world));
@@ -190,9 +193,12 @@ void ClosedLoop::reset(std::uint64_t seed, bool desynchronise) {
         every.push_back(world);
     }
     restart(every, desynchronise);
+    started_ = true;
 }
 
 void ClosedLoop::reset_worlds(std::span<const std::uint8_t> wanted) {
+    const Claim claim(held_);
+    check_started();
     if (wanted.size() != at(worlds_)) {
         throw std::invalid_argument("the mask must have one entry a world");
     }
@@ -206,16 +212,34 @@ void ClosedLoop::reset_worlds(std::span<const std::uint8_t> wanted) {
 }
 
 void ClosedLoop::step() {
+    const Claim claim(held_);
+    check_started();
     const std::vector<std::int32_t> before = autoreset_ == Autoreset::next_step ? ended() : std::vector<std::int32_t>();
     run(Task::step);
     start(autoreset_ == Autoreset::same_step ? ended() : before, false);
 }
 
 void ClosedLoop::rollout(const Rollout& rollout, int steps) {
+    const Claim claim(held_);
+    check_started();
     if (autoreset_ != Autoreset::same_step) {
         throw std::invalid_argument("a rollout needs autoreset \"same_step\"");
     }
     run(Task::rollout, &rollout, steps);
+}
+
+void ClosedLoop::check_started() const {
+    if (!started_) {
+        throw std::runtime_error("the worlds must be reset first");
+    }
+}
+
+// No step led to where the worlds are now.
+void ClosedLoop::forget_step() {
+    std::fill(reward.begin(), reward.end(), 0.0F);
+    for (auto* flags : {&terminated, &truncated, &reinserted, &done}) {
+        std::fill(flags->begin(), flags->end(), std::uint8_t{0});
+    }
 }
 
 ClosedLoopState ClosedLoop::state() const {
@@ -276,7 +300,9 @@ void ClosedLoop::check(const ClosedLoopState& state) const {
 }
 
 void ClosedLoop::set_state(const ClosedLoopState& state) {
+    const Claim claim(held_);
     check(state);
+    forget_step();
     for (long world = 0; world < worlds_; ++world) {
         const long block = world / BLOCK, lane = world % BLOCK;
         for (long vehicle = 0; vehicle < vehicles_; ++vehicle) {
@@ -298,6 +324,7 @@ void ClosedLoop::set_state(const ClosedLoopState& state) {
         }
     }
     run(Task::look);
+    started_ = true;
 }
 
 } // namespace intersection_env

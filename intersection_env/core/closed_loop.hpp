@@ -1,6 +1,7 @@
 // Many closed-loop worlds of one intersection, stepped together on buffers that outlive a step.
 #pragma once
 
+#include <atomic>
 #include <memory>
 #include <span>
 #include <vector>
@@ -35,7 +36,8 @@ class ClosedLoop {
     std::vector<float> action, observation, final_observation, reward;
     std::vector<std::uint8_t> terminated, truncated, reinserted, done;
 
-    // Throw std::runtime_error where no start without a violated constraint is found.
+    // Throw std::runtime_error where no start without a violated constraint is found, before a first reset, and
+    // while another thread is in such a call.
     void reset(std::uint64_t seed, bool desynchronise);
     void reset_worlds(std::span<const std::uint8_t> wanted);
     void step();
@@ -54,6 +56,8 @@ class ClosedLoop {
     std::vector<std::int32_t> ended() const;
     [[noreturn]] void refuse_start() const;
     void check(const ClosedLoopState& state) const;
+    void check_started() const;
+    void forget_step();
 
     MapTables tables_;
     Policy policy_;
@@ -62,6 +66,9 @@ class ClosedLoop {
     const Kernel& kernel_;
     Threads threads_;
     std::vector<Workspace*> workspaces_; // one a thread
+
+    bool started_ = false;
+    std::atomic_flag held_;
 
     struct Aligned; // the state, (block, vehicle, BLOCK)
     std::unique_ptr<Aligned> aligned_;

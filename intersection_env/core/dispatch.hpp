@@ -34,6 +34,9 @@ struct Kernel {
     Workspace* (*create_replay)();
     void (*destroy_replay)(Workspace*);
     void (*run_replay)(const ReplayArguments&, Workspace&);
+    // Yardsticks: 12 multiply-adds, or 16 tanh, a round and lane, as fast as they go.
+    float (*multiply_add)(long rounds);
+    float (*hyperbolic_tangent)(long rounds);
 };
 
 // Throws std::invalid_argument where the override names an instruction set that is unknown or not here.

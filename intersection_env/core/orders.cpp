@@ -1,5 +1,6 @@
 #include "orders.hpp"
 
+#include <algorithm>
 #include <stdexcept>
 #include <string>
 
@@ -8,12 +9,19 @@ namespace {
 
 std::size_t at(int index) { return static_cast<std::size_t>(index); }
 
-Precedence in_lanes(const Map& map, const Traffic& traffic) {
-    Precedence precedence;
-    for (const Pair& pair : lane_order(map, traffic)) {
+Precedence preceding(const std::vector<Pair>& order, int vehicles) {
+    Precedence precedence(vehicles);
+    for (const Pair& pair : order) {
         precedence.add(pair.yielder, pair.prioritized);
     }
     return precedence;
+}
+
+void mark_committed(const Map& map, const Traffic& traffic, std::vector<std::uint8_t>& flags) {
+    flags.clear();
+    for (int i = 0; i < traffic.count(); ++i) {
+        flags.push_back(committed(map, traffic, i) ? 1 : 0);
+    }
 }
 
 int first_of(const Pair& pair, int direction) { return direction > 0 ? pair.yielder : pair.prioritized; }
@@ -41,7 +49,8 @@ bool Precedence::add(int a, int b) {
     }
     const std::uint64_t later = after_[at(b)] | std::uint64_t{1} << b;
     after_[at(a)] |= later;
-    for (std::uint64_t& row : after_) {
+    for (int earlier = 0; earlier < vehicles_; ++earlier) {
+        std::uint64_t& row = after_[at(earlier)];
         if ((row >> a & 1U) != 0U) {
             row |= later;
         }
@@ -52,7 +61,8 @@ bool Precedence::add(int a, int b) {
 Orders::Orders(const Map& map, const Traffic& traffic, std::span<const Pair> pairs,
                std::span<const std::uint8_t> cooperative, std::span<const std::int8_t> preferred)
     : pairs_(pairs.begin(), pairs.end()), preferred_(preferred.begin(), preferred.end()), order_(pairs.size(), 0),
-      committed_(committed(map, traffic)), precedence_(in_lanes(map, traffic)) {
+      precedence_(preceding(lane_order(map, traffic), traffic.count())) {
+    mark_committed(map, traffic, committed_);
     for (std::size_t p = 0; p < pairs_.size(); ++p) {
         const Pair& pair = pairs_[p];
         if (cooperative[at(pair.yielder)] == 0 || cooperative[at(pair.prioritized)] == 0) {
@@ -154,27 +164,36 @@ std::size_t Orders::count_remaining(std::size_t most) const {
     return count;
 }
 
-void complete(const Map& map, const Traffic& traffic, std::span<const Pair> pairs, std::span<std::int8_t> assignments) {
-    Precedence precedence = in_lanes(map, traffic);
-    for (std::size_t p = 0; p < pairs.size(); ++p) {
+void Completion::prepare(const Map& map, const Traffic& traffic, std::span<const Pair> pairs) {
+    pairs_ = pairs;
+    lane_order(map, traffic, order_);
+    lanes_ = preceding(order_, traffic.count());
+    mark_committed(map, traffic, committed_);
+}
+
+void Completion::complete(std::span<std::int8_t> assignments) const {
+    if (std::all_of(assignments.begin(), assignments.end(), [](std::int8_t direction) { return direction == 0; })) {
+        return; // the lane order alone implies nothing: vehicles of one lane do not conflict
+    }
+    Precedence precedence = lanes_;
+    for (std::size_t p = 0; p < pairs_.size(); ++p) {
         const int direction = assignments[p];
         if (direction == 0) {
             continue;
         }
-        const int first = first_of(pairs[p], direction), second = second_of(pairs[p], direction);
+        const int first = first_of(pairs_[p], direction), second = second_of(pairs_[p], direction);
         if (!precedence.add(first, second)) {
             throw std::invalid_argument(vehicle(first) + " cannot go before " + vehicle(second) +
                                         ": the lane order or the other priorities put it after");
         }
     }
-    const std::vector<std::uint8_t> goes = committed(map, traffic);
-    for (std::size_t p = 0; p < pairs.size(); ++p) {
-        const Pair& pair = pairs[p];
+    for (std::size_t p = 0; p < pairs_.size(); ++p) {
+        const Pair& pair = pairs_[p];
         if (assignments[p] == 0) {
-            assignments[p] = implied(precedence, pair, goes);
+            assignments[p] = implied(precedence, pair, committed_);
         }
         const int direction = assignments[p];
-        if (direction != 0 && goes[at(second_of(pair, direction))] != 0) {
+        if (direction != 0 && committed_[at(second_of(pair, direction))] != 0) {
             throw std::invalid_argument(vehicle(second_of(pair, direction)) + " cannot wait for " +
                                         vehicle(first_of(pair, direction)) + ": it can no longer stop");
         }

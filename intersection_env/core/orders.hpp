@@ -13,11 +13,14 @@ namespace intersection_env {
 // Who precedes whom, closed under transitivity. Vehicles are bits.
 class Precedence {
   public:
+    explicit Precedence(int vehicles) : vehicles_(vehicles) {}
+
     bool before(int a, int b) const { return (after_[static_cast<std::size_t>(a)] >> b & 1U) != 0U; }
     // False, and nothing changes, if b precedes a already.
     bool add(int a, int b);
 
   private:
+    int vehicles_;
     std::array<std::uint64_t, MAX_VEHICLES> after_{}; // after_[a]: all that come after a
 };
 
@@ -39,8 +42,8 @@ class Orders {
 
   private:
     struct Choice {
-        Precedence before_choice;
-        std::int8_t tried; // orientations tried so far: 0, 1, 2
+        Precedence before_choice{0};
+        std::int8_t tried = 0; // orientations tried so far: 0, 1, 2
     };
     bool advance(); // to the next order; false if there is none
     bool complete_into(std::int8_t* out) const;
@@ -56,9 +59,22 @@ class Orders {
     bool started_ = false, finished_ = false;
 };
 
-// Fills in what the assignments imply under lane order and transitivity, in place.
-// Throws std::invalid_argument where they contradict each other, the lane order, or what a vehicle can still do;
-// the message holds the vehicles' indices as "vehicle 3".
-void complete(const Map& map, const Traffic& traffic, std::span<const Pair> pairs, std::span<std::int8_t> assignments);
+// Completes assignments for one traffic, again and again.
+class Completion {
+  public:
+    // The pairs must outlive their use here. Allocates only where no earlier traffic was as large.
+    void prepare(const Map& map, const Traffic& traffic, std::span<const Pair> pairs);
+
+    // Fills in what the assignments (pair,) imply under lane order and transitivity, in place.
+    // Throws std::invalid_argument where they contradict each other, the lane order, or what a vehicle can still do;
+    // the message holds the vehicles' indices as "vehicle 3".
+    void complete(std::span<std::int8_t> assignments) const;
+
+  private:
+    std::span<const Pair> pairs_;
+    std::vector<Pair> order_;
+    Precedence lanes_{0};
+    std::vector<std::uint8_t> committed_;
+};
 
 } // namespace intersection_env

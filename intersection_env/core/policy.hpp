@@ -11,6 +11,7 @@
 namespace intersection_env {
 
 constexpr float DT = 0.2F;                                      // [s], paper, Section IV-B
+constexpr int STEPS = 50;                                       // 10 s
 constexpr int GAP_INPUTS = 4, DRIVING_INPUTS = 12, HIDDEN = 16; // paper, Table III
 
 // The inputs of the networks by name and unit, in order; paper, Table I.

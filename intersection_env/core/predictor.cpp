@@ -26,6 +26,41 @@ struct Predictor::Bound {
     LaneTables lanes;
 };
 
+struct Predictor::Memory {
+    std::vector<Pair> pairs;
+    Completion completion;
+    Bound bound;
+    const Kernel* kernel = nullptr; // whose workspaces these are
+    Workspace *block = nullptr, *single = nullptr;
+
+    Memory() = default;
+    Memory(const Memory&) = delete;
+    Memory& operator=(const Memory&) = delete;
+    ~Memory() { release(); }
+
+    void serve(const Kernel& wanted) {
+        if (kernel != &wanted) {
+            release();
+            block = wanted.create_prediction();
+            single = wanted.create_single();
+            kernel = &wanted;
+        }
+    }
+
+    void release() {
+        if (kernel != nullptr) {
+            kernel->destroy_prediction(block);
+            kernel->destroy_single(single);
+        }
+        kernel = nullptr;
+    }
+};
+
+Predictor::Memory& Predictor::memory() {
+    static thread_local Memory memory;
+    return memory;
+}
+
 Predictor::Predictor(std::shared_ptr<const Map> map, Policy policy)
     : map_(std::move(map)), policy_(std::move(policy)), tables_(*map_) {
     if ((policy_.gap == Gap::network && !policy_.gap_network) ||
@@ -85,9 +120,11 @@ void Predictor::add_touches(const Traffic& traffic, Bound& bound) const {
     }
 }
 
-Predictor::Bound Predictor::bind(const Traffic& traffic, std::span<const Pair> pairs) const {
-    Bound bound;
-    const std::vector<std::uint8_t> goes = committed(*map_, traffic);
+void Predictor::bind(const Traffic& traffic, std::span<const Pair> pairs, Bound& bound) const {
+    bound.vehicles.clear();
+    bound.candidates.clear();
+    bound.pairs.clear();
+    bound.touches.clear();
     for (int i = 0; i < traffic.count(); ++i) {
         const int index = traffic.route[at(i)];
         const Route& route = map_->routes[at(index)];
@@ -96,7 +133,7 @@ Predictor::Bound Predictor::bind(const Traffic& traffic, std::span<const Pair> p
         bound.vehicles.push_back({tables_.first_row[at(index)], static_cast<int>(route.samples.size()) - 1,
                                   traffic.position[at(i)], traffic.speed[at(i)], 0.5F * traffic.length[at(i)],
                                   std::min(traffic.max_speed[at(i)], UNBOUNDED), route.stop_line, route.length, index,
-                                  goes[at(i)] != 0, first, static_cast<int>(bound.candidates.size())});
+                                  committed(*map_, traffic, i), first, static_cast<int>(bound.candidates.size())});
     }
     for (const Pair& pair : pairs) {
         const Conflict& conflict =
@@ -106,7 +143,6 @@ Predictor::Bound Predictor::bind(const Traffic& traffic, std::span<const Pair> p
     }
     add_touches(traffic, bound);
     bound.lanes.fill(bound.vehicles, bound.candidates, bound.pairs);
-    return bound;
 }
 
 Problem Predictor::problem(const Bound& bound) const {
@@ -133,39 +169,40 @@ Problem Predictor::problem(const Bound& bound) const {
 void Predictor::observe(const Traffic& traffic, float* driving, float* gap, std::uint8_t* accepts,
                         const Kernel& kernel) const {
     check(*map_, traffic);
-    const std::vector<Pair> pairs = open_pairs(traffic);
-    const Bound bound = bind(traffic, pairs);
-    const std::unique_ptr<Workspace, void (*)(Workspace*)> workspace(kernel.create_prediction(),
-                                                                     kernel.destroy_prediction);
-    kernel.observe(problem(bound), {driving, gap, accepts}, *workspace);
+    Memory& own = memory();
+    own.serve(kernel);
+    find_open_pairs(traffic, own.pairs);
+    bind(traffic, own.pairs, own.bound);
+    kernel.observe(problem(own.bound), {driving, gap, accepts}, *own.block);
 }
 
-std::vector<Pair> Predictor::open_pairs(const Traffic& traffic) const {
-    std::vector<Pair> pairs = find_conflicts(*map_, traffic);
+void Predictor::find_open_pairs(const Traffic& traffic, std::vector<Pair>& pairs) const {
+    find_conflicts(*map_, traffic, pairs);
     if (pairs.size() > MAX_PAIRS) {
         throw std::invalid_argument(std::to_string(pairs.size()) + " conflicting pairs are more than " +
                                     std::to_string(MAX_PAIRS));
     }
-    return pairs;
 }
 
 void Predictor::predict(const Traffic& traffic, std::span<std::int8_t> assignments, int scenarios,
                         std::span<const std::uint8_t> decisions, const Results& results, const Kernel& kernel) const {
     check(*map_, traffic);
-    const std::vector<Pair> pairs = open_pairs(traffic);
+    Memory& own = memory();
+    own.serve(kernel);
+    find_open_pairs(traffic, own.pairs);
+    const std::vector<Pair>& pairs = own.pairs;
     const std::size_t pair_count = pairs.size(), vehicles = at(traffic.count());
     if (scenarios < 0 || assignments.size() != at(scenarios) * pair_count ||
         (!decisions.empty() && decisions.size() != at(scenarios) * STEPS * vehicles)) {
         throw std::invalid_argument("assignments must be (scenario, " + std::to_string(pair_count) +
                                     ") and decisions (scenario, " + std::to_string(STEPS) + ", vehicle)");
     }
+    own.completion.prepare(*map_, traffic, pairs);
     for (int s = 0; s < scenarios; ++s) {
-        complete(*map_, traffic, pairs, assignments.subspan(at(s) * pair_count, pair_count));
+        own.completion.complete(assignments.subspan(at(s) * pair_count, pair_count));
     }
-    const Bound bound = bind(traffic, pairs);
-    const Problem shared = problem(bound);
-    const std::unique_ptr<Workspace, void (*)(Workspace*)> block(kernel.create_prediction(), kernel.destroy_prediction);
-    const std::unique_ptr<Workspace, void (*)(Workspace*)> single(kernel.create_single(), kernel.destroy_single);
+    bind(traffic, pairs, own.bound);
+    const Problem shared = problem(own.bound);
     for (int first = 0; first < scenarios;) {
         const std::size_t frames = at(first) * (STEPS + 1) * vehicles;
         const auto from = [frames](auto* values) { return values == nullptr ? nullptr : values + frames; };
@@ -180,7 +217,7 @@ void Predictor::predict(const Traffic& traffic, std::span<std::int8_t> assignmen
              {from(t.position), from(t.speed), from(t.acceleration), from(t.enters), from(t.present)},
              results.time_loss + at(first) * vehicles,
              results.minimum_distance == nullptr ? nullptr : results.minimum_distance + first},
-            together ? *block : *single);
+            together ? *own.block : *own.single);
         first += count;
     }
     if (results.minimum_distance != nullptr) {

@@ -14,13 +14,14 @@
 
 namespace intersection_env {
 
-// Where the results go. Arrays of trajectories are (scenario, STEPS + 1, vehicle); null pointers are skipped.
+// Where the results go. Arrays of trajectories are (scenario, STEPS + 1, vehicle): all of them, or none (null).
 struct Results {
     Trajectories trajectories{};
     float* time_loss = nullptr;        // (scenario, vehicle) [s], always written
     float* minimum_distance = nullptr; // (scenario,) [m], infinite where no two vehicles can touch
 };
 
+// Only the first predictions of a thread allocate memory, and those of a larger traffic than any before; nothing locks.
 class Predictor {
   public:
     Predictor(std::shared_ptr<const Map> map, Policy policy);
@@ -39,9 +40,11 @@ class Predictor {
     void observe(const Traffic& traffic, float* driving, float* gap, std::uint8_t* accepts, const Kernel& kernel) const;
 
   private:
-    struct Bound; // a Problem and what it points to
-    std::vector<Pair> open_pairs(const Traffic& traffic) const;
-    Bound bind(const Traffic& traffic, std::span<const Pair> pairs) const;
+    struct Bound;  // a Problem and what it points to
+    struct Memory; // what a thread keeps from one prediction to the next
+    static Memory& memory();
+    void find_open_pairs(const Traffic& traffic, std::vector<Pair>& pairs) const;
+    void bind(const Traffic& traffic, std::span<const Pair> pairs, Bound& bound) const;
     Problem problem(const Bound& bound) const;
     void add_candidates(const Traffic& traffic, int i, Bound& bound) const;
     void add_touches(const Traffic& traffic, Bound& bound) const;

@@ -11,7 +11,6 @@
 namespace intersection_env {
 
 constexpr int LANES = 16;                        // of the widest kernel
-constexpr int STEPS = 50;                        // 10 s
 constexpr int MAX_PAIRS = 1024;                  // ours
 constexpr float LEAD_RANGE = 100.0F;             // [m], paper, Section III-B.2
 constexpr float FREE_LEAD_SPEED = 100.0F / 3.6F; // [m/s], likewise

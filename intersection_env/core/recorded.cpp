@@ -30,12 +30,12 @@ Recorded::Recorded(const Map& map, RecordedScenes scenes, std::vector<std::int32
     add_accelerations();
     for (int track = 0; track < scenes_.tracks(); ++track) {
         add_track(map, track, recording);
+        if (static_cast<long>(companion_rows_.size()) / COMPANION_COLUMNS >= MOST_ROWS) {
+            refuse("too many vehicles beside each other for one replay; take fewer scenes");
+        }
     }
     companion_rows_.resize(companion_rows_.size() + COMPANION_COLUMNS); // read, and not used, where there is none
     mark_held();
-    if (static_cast<long>(companion_rows_.size()) / COMPANION_COLUMNS > MOST_ROWS) {
-        refuse("too many vehicles beside each other for one replay; take fewer scenes");
-    }
 }
 
 int Recorded::end_step(int track) const {
@@ -69,9 +69,11 @@ void Recorded::check(const Map& map) const {
         refuse("more than 16 million samples; take fewer scenes");
     }
     for (std::size_t track = 0; track < tracks; ++track) {
-        if (s.route[track] < 0 || at(s.route[track]) >= map.routes.size() || s.start[track] < 0 ||
-            s.track_samples[track] == s.track_samples[track + 1] || !(s.length[track] >= LEAST_SIZE) ||
-            !(s.width[track] >= LEAST_SIZE) || !(s.max_speed[track] >= 0.1F)) {
+        const std::int64_t end = s.start[track] + s.track_samples[track + 1] - s.track_samples[track];
+        if (end >= MOST_ROWS || s.route[track] < 0 || at(s.route[track]) >= map.routes.size() || s.start[track] < 0 ||
+            s.track_samples[track] == s.track_samples[track + 1] ||
+            !(s.length[track] >= LEAST_SIZE && s.length[track] <= MOST_LENGTH) ||
+            !(s.width[track] >= LEAST_SIZE && s.width[track] <= MOST_WIDTH) || !(s.max_speed[track] >= 0.1F)) {
             refuse("track " + std::to_string(track) + " has no sample, or a route, start or size out of range");
         }
     }

@@ -107,6 +107,12 @@ void Replay::run(Task task, const std::uint8_t* wanted, const std::int32_t* give
     std::copy_n(time_.begin(), worlds_, time_now.begin());
 }
 
+void Replay::check_started() const {
+    if (!started_) {
+        throw std::runtime_error("the worlds must be reset first");
+    }
+}
+
 std::vector<std::uint8_t> Replay::ended() const { return flags(ended_, worlds_); }
 
 // A start that somebody asked for: no step led to it, so there are no flags and no reward.
@@ -121,6 +127,7 @@ void Replay::restart(std::span<const std::uint8_t> wanted, const std::int32_t* g
 }
 
 void Replay::reset(std::uint64_t seed, bool desynchronise) {
+    const Claim claim(held_);
     for (long world = 0; world < worlds_; ++world) {
         const auto stream = random_stream(seed, static_cast<std::uint64_t>(world));
         for (long k = 0; k < 8; ++k) {
@@ -129,9 +136,12 @@ void Replay::reset(std::uint64_t seed, bool desynchronise) {
     }
     const std::vector<std::uint8_t> every(at(worlds_), 1);
     restart(every, nullptr, desynchronise);
+    started_ = true;
 }
 
 void Replay::reset_worlds(std::span<const std::uint8_t> wanted) {
+    const Claim claim(held_);
+    check_started();
     if (wanted.size() != at(worlds_)) {
         throw std::invalid_argument("the mask must have one entry a world");
     }
@@ -139,6 +149,8 @@ void Replay::reset_worlds(std::span<const std::uint8_t> wanted) {
 }
 
 void Replay::start(int world, int track) {
+    const Claim claim(held_);
+    check_started();
     if (world < 0 || world >= worlds_) {
         throw std::invalid_argument("there is no world " + std::to_string(world));
     }
@@ -154,6 +166,8 @@ void Replay::start(int world, int track) {
 }
 
 void Replay::step() {
+    const Claim claim(held_);
+    check_started();
     if (autoreset_ == Autoreset::off) {
         run(Task::step);
         return;
@@ -167,6 +181,8 @@ void Replay::step() {
 }
 
 void Replay::rollout(const Rollout& rollout, int steps) {
+    const Claim claim(held_);
+    check_started();
     if (autoreset_ != Autoreset::same_step) {
         throw std::invalid_argument("a rollout needs autoreset \"same_step\"");
     }
@@ -192,6 +208,7 @@ ReplayState Replay::state() const {
 }
 
 void Replay::set_state(const ReplayState& state) {
+    const Claim claim(held_);
     const std::size_t count = at(worlds_);
     if (state.track.size() != count || state.time.size() != count || state.position.size() != count ||
         state.speed.size() != count || state.acceleration.size() != count || state.delta.size() != count ||
@@ -221,7 +238,12 @@ void Replay::set_state(const ReplayState& state) {
             random_[at(k * padded_ + world)] = state.random[at(world * 8 + k)];
         }
     }
+    std::fill(reward.begin(), reward.end(), 0.0F);
+    for (auto* flags : {&terminated, &truncated}) {
+        std::fill(flags->begin(), flags->end(), std::uint8_t{0}); // no step led here
+    }
     run(Task::look);
+    started_ = true;
 }
 
 } // namespace intersection_env

@@ -1,6 +1,7 @@
 // Many replay worlds: in each, one vehicle of a recorded scene acts among the recorded others.
 #pragma once
 
+#include <atomic>
 #include <memory>
 #include <span>
 #include <vector>
@@ -38,6 +39,7 @@ class Replay {
     std::vector<std::uint8_t> terminated, truncated;
     std::vector<std::int32_t> track_now, time_now;
 
+    // Throw std::runtime_error before a first reset, and while another thread is in such a call.
     void reset(std::uint64_t seed, bool desynchronise);
     void reset_worlds(std::span<const std::uint8_t> wanted);
     // Begins one world's episode with a given track. Throws std::invalid_argument.
@@ -55,6 +57,7 @@ class Replay {
              bool desynchronise = false, const Rollout* rollout = nullptr, int steps = 0);
     void restart(std::span<const std::uint8_t> wanted, const std::int32_t* given, bool desynchronise);
     std::vector<std::uint8_t> ended() const;
+    void check_started() const;
 
     MapTables tables_;
     Policy policy_;
@@ -67,6 +70,8 @@ class Replay {
     Threads threads_;
     std::vector<Workspace*> workspaces_; // one a thread
 
+    bool started_ = false;
+    std::atomic_flag held_;
     LaneVector<float> position_, speed_, acceleration_;
     LaneVector<std::int32_t> track_, time_, delta_, expert_delta_, ended_;
     LaneVector<std::uint32_t> random_; // (8, padded)

@@ -2,18 +2,13 @@
 #pragma once
 
 #include <cstdint>
-#include <stdexcept>
 #include <string>
 #include <string_view>
 #include <vector>
 
-namespace intersection_env {
+#include "format_error.hpp"
 
-// What a file holds is not what it must hold; the message names file, line, what came and what was wanted.
-class FormatError : public std::runtime_error {
-  public:
-    using std::runtime_error::runtime_error;
-};
+namespace intersection_env {
 
 std::uint32_t crc32(std::string_view bytes);
 

@@ -1,12 +1,9 @@
-// A few threads that share the blocks of one call; what they compute does not depend on how many they are.
+// A few threads that share the work of one call; what they compute does not depend on how many they are.
 #pragma once
 
-#include <condition_variable>
-#include <cstdint>
+#include <atomic>
 #include <functional>
-#include <mutex>
-#include <thread>
-#include <vector>
+#include <memory>
 
 namespace intersection_env {
 
@@ -18,22 +15,27 @@ class Threads {
     Threads(const Threads&) = delete;
     Threads& operator=(const Threads&) = delete;
 
-    int count() const { return static_cast<int>(workers_.size()) + 1; }
+    int count() const;
 
     // Calls work(item, thread) once for every item below `items`; thread < count(). Work must not throw.
+    // In a forked child, which has none of the threads, the caller works alone.
     void share(int items, const std::function<void(int, int)>& work);
 
   private:
-    void serve(int thread);
-    void take(int thread);
+    struct Pool;
+    std::unique_ptr<Pool> pool_;
+};
 
-    std::vector<std::thread> workers_;
-    std::mutex mutex_;
-    std::condition_variable begin_, end_;
-    const std::function<void(int, int)>* work_ = nullptr;
-    std::uint64_t round_ = 0;
-    int items_ = 0, next_ = 0, busy_ = 0;
-    bool stop_ = false;
+// Holds an object for one caller. Throws std::runtime_error where another thread holds it already.
+class Claim {
+  public:
+    explicit Claim(std::atomic_flag& held);
+    ~Claim() { held_.clear(); }
+    Claim(const Claim&) = delete;
+    Claim& operator=(const Claim&) = delete;
+
+  private:
+    std::atomic_flag& held_;
 };
 
 } // namespace intersection_env

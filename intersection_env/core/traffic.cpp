@@ -1,6 +1,7 @@
 #include "traffic.hpp"
 
 #include <algorithm>
+#include <array>
 #include <stdexcept>
 #include <string>
 
@@ -52,50 +53,57 @@ void check(const Map& map, const Traffic& traffic) {
     }
 }
 
-std::vector<Pair> find_conflicts(const Map& map, const Traffic& traffic) {
-    std::vector<Pair> pairs;
+void find_conflicts(const Map& map, const Traffic& traffic, std::vector<Pair>& found) {
+    found.clear();
     for (int i = 0; i < traffic.count(); ++i) {
         for (int j = 0; j < traffic.count(); ++j) {
             const Conflict* conflict = map.conflict(traffic.route[at(i)], traffic.route[at(j)]);
             if (conflict != nullptr && conflict->yielder == traffic.route[at(i)] &&
                 traffic.rear(i) < conflict->on_yielder.end && traffic.position[at(j)] < conflict->on_prioritized.end) {
-                pairs.push_back({i, j});
+                found.push_back({i, j});
             }
         }
     }
-    return pairs;
 }
 
-std::vector<Pair> lane_order(const Map& map, const Traffic& traffic) {
-    const std::vector<std::uint8_t> goes = committed(map, traffic);
-    std::vector<int> waiting;
+std::vector<Pair> find_conflicts(const Map& map, const Traffic& traffic) {
+    std::vector<Pair> found;
+    find_conflicts(map, traffic, found);
+    return found;
+}
+
+void lane_order(const Map& map, const Traffic& traffic, std::vector<Pair>& order) {
+    std::array<int, MAX_VEHICLES> waiting{};
+    std::size_t count = 0;
     for (int i = 0; i < traffic.count(); ++i) {
-        if (traffic.front(i) <= map.routes[at(traffic.route[at(i)])].stop_line || goes[at(i)] == 0) {
-            waiting.push_back(i);
+        if (traffic.front(i) <= map.routes[at(traffic.route[at(i)])].stop_line || !committed(map, traffic, i)) {
+            waiting[count++] = i;
         }
     }
     const auto lane = [&](int i) { return map.routes[at(traffic.route[at(i)])].stop_lane; };
-    std::stable_sort(waiting.begin(), waiting.end(), [&](int a, int b) {
-        return lane(a) != lane(b) ? lane(a) < lane(b) : traffic.position[at(a)] > traffic.position[at(b)];
+    std::sort(waiting.begin(), waiting.begin() + static_cast<long>(count), [&](int a, int b) {
+        const float ahead = traffic.position[at(a)] - traffic.position[at(b)];
+        return lane(a) != lane(b) ? lane(a) < lane(b) : ahead != 0.0F ? ahead > 0.0F : a < b;
     });
-    std::vector<Pair> order;
-    for (std::size_t k = 1; k < waiting.size(); ++k) {
+    order.clear();
+    for (std::size_t k = 1; k < count; ++k) {
         if (lane(waiting[k - 1]) == lane(waiting[k])) {
             order.push_back({waiting[k - 1], waiting[k]});
         }
     }
+}
+
+std::vector<Pair> lane_order(const Map& map, const Traffic& traffic) {
+    std::vector<Pair> order;
+    lane_order(map, traffic, order);
     return order;
 }
 
-std::vector<std::uint8_t> committed(const Map& map, const Traffic& traffic) {
-    std::vector<std::uint8_t> result(traffic.route.size());
-    for (int i = 0; i < traffic.count(); ++i) {
-        const Route& route = map.routes[at(traffic.route[at(i)])];
-        const float speed = traffic.speed[at(i)];
-        const bool cannot_stop = route.stop_line - traffic.front(i) < speed * speed / (2.0F * BRAKING);
-        result[at(i)] = cannot_stop && (speed >= 1.0F || traffic.front(i) > route.first_conflict);
-    }
-    return result;
+bool committed(const Map& map, const Traffic& traffic, int vehicle) {
+    const Route& route = map.routes[at(traffic.route[at(vehicle)])];
+    const float speed = traffic.speed[at(vehicle)];
+    const bool cannot_stop = route.stop_line - traffic.front(vehicle) < speed * speed / (2.0F * BRAKING);
+    return cannot_stop && (speed >= 1.0F || traffic.front(vehicle) > route.first_conflict);
 }
 
 namespace {

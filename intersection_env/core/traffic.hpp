@@ -40,12 +40,14 @@ struct Pair {
 
 // The pairs still open, sorted by yielder, then prioritized.
 std::vector<Pair> find_conflicts(const Map& map, const Traffic& traffic);
+void find_conflicts(const Map& map, const Traffic& traffic, std::vector<Pair>& found); // into memory that is there
 
 // For each vehicle in a stop lane, before its line or standing past it undecided, the next one behind it there.
 std::vector<Pair> lane_order(const Map& map, const Traffic& traffic); // {ahead, behind}
+void lane_order(const Map& map, const Traffic& traffic, std::vector<Pair>& order);
 
-// Whether each vehicle is past stopping at its line, and so counts as having decided to enter.
-std::vector<std::uint8_t> committed(const Map& map, const Traffic& traffic);
+// Whether a vehicle is past stopping at its line, and so counts as having decided to enter.
+bool committed(const Map& map, const Traffic& traffic, int vehicle);
 
 // The smallest distance between circles of two vehicles that can touch, and which two; nothing if none can.
 struct Closest {

@@ -14,6 +14,12 @@ struct ClosedLoop {
     Floats last_features[MAX_VEHICLES][FEATURES]; // of a vehicle that left
 };
 
+// Where a vehicle's return was cut, and the value of what it saw last.
+struct Cut {
+    Ints mask;
+    Floats value;
+};
+
 template <class Lanes, class Value>
 Lanes& lanes_at(Value* values, const ClosedLoopArguments& g, long row) {
     return *reinterpret_cast<Lanes*>(values + row * BLOCK + g.first_lane);
@@ -166,9 +172,9 @@ void write_results(const ClosedLoopArguments& g, ClosedLoop& run, Ints ran, Ints
     const unsigned wanted = used(g), written = wanted & bits(ran), ended = written & bits(ends);
     const long stride = g.vehicles;
     for (std::uint8_t* flags : {g.terminated, g.truncated, g.reinserted}) {
-        clear_flags(from_lane(flags, g, stride), stride, wanted);
+        clear_flags(from_lane(flags, g, stride), stride, wanted, g.vehicles);
     }
-    clear_flags(from_lane(g.done, g, 1), 1, wanted);
+    clear_flags(from_lane(g.done, g, 1), 1, wanted, 1);
     set_flags(from_lane(g.done, g, 1), 1, ended);
     for (int i = 0; i < g.vehicles; ++i) {
         run.step_reward[i] = ran ? run.step_reward[i] : all(0.0F);
@@ -272,46 +278,67 @@ void run_step(const ClosedLoopArguments& g, ClosedLoop& run) {
     ended |= ends & run.world.exists;
 }
 
-Place place_of(const ClosedLoopArguments& g, int step, int vehicle) {
+Place place_of(const ClosedLoopArguments& g, int step) {
     const long stride = static_cast<long>(g.steps) * g.vehicles;
-    return {g.first_lane * stride + static_cast<long>(step) * g.vehicles + vehicle, stride};
+    return {g.first_lane * stride + static_cast<long>(step) * g.vehicles, stride};
+}
+
+void put(const ClosedLoopArguments& g, const Floats* columns, float* results, Place at) {
+    store_columns(columns, g.vehicles, results + at.first, at.stride, used(g));
+}
+
+// The values of what the step before led to: of the last observation where a return was cut.
+void put_next_values(const ClosedLoopArguments& g, int step, const Floats* value, const Cut* cut) {
+    Floats next[MAX_VEHICLES];
+    for (int i = 0; i < g.vehicles; ++i) {
+        next[i] = cut[i].mask ? cut[i].value : value[i];
+    }
+    put(g, next, g.rollout->value_next, place_of(g, step));
 }
 
 // Samples every vehicle's action, and writes what led to it.
-void act(const ClosedLoopArguments& g, int step, Random& noise, const Ints* cut, ClosedLoop& run) {
+void act(const ClosedLoopArguments& g, int step, Random& noise, const Cut* cut, ClosedLoop& run) {
     const Rollout& r = *g.rollout;
-    const unsigned lanes = used(g);
-    Floats normal[2];
+    const Place at = place_of(g, step);
+    Floats normal[2], latent[MAX_VEHICLES], log_probability[MAX_VEHICLES], value[MAX_VEHICLES];
     for (int i = 0; i < g.vehicles; ++i) {
         if (i % 2 == 0) {
             noise.normal(all_ints(-1), normal[0], normal[1]);
         }
         Floats features[FEATURES];
         driving_features(run.world.slots[i], features);
-        const Place at = place_of(g, step, i);
-        run.action[i] = sample_action(r, at, lanes, features, normal[i % 2]);
-        const Floats value = evaluate<FEATURES>(*r.value, features, Tanh{});
-        put(r.value_now, at, lanes, value);
-        if (step > 0) {
-            put(r.value_next, place_of(g, step - 1, i), lanes & ~bits(cut[i]), value);
-        }
+        store_rows<3>(features, r.observation + (at.first + i) * FEATURES, at.stride * FEATURES, used(g));
+        const Sampled sampled = sample_action(r, features, normal[i % 2]);
+        latent[i] = sampled.latent;
+        log_probability[i] = sampled.log_probability;
+        value[i] = sampled.value;
+        run.action[i] = sampled.action;
+    }
+    put(g, latent, r.latent, at);
+    put(g, log_probability, r.log_probability, at);
+    put(g, value, r.value_now, at);
+    if (step > 0) {
+        put_next_values(g, step - 1, value, cut);
     }
 }
 
-// Ends and rewards of a rollout's step; cut: the vehicles whose return ends here.
-void conclude(const ClosedLoopArguments& g, int step, Ints ends, Ints* cut, const ClosedLoop& run) {
+// Ends and rewards of a rollout's step.
+void conclude(const ClosedLoopArguments& g, int step, Ints ends, Cut* cut, const ClosedLoop& run) {
     const Rollout& r = *g.rollout;
     const unsigned lanes = used(g);
+    const Place at = place_of(g, step);
+    put(g, run.step_reward, r.reward, at);
+    clear_flags(r.terminated + at.first, at.stride, lanes, g.vehicles);
+    clear_flags(r.cut + at.first, at.stride, lanes, g.vehicles);
     for (int i = 0; i < g.vehicles; ++i) {
-        const Place at = place_of(g, step, i);
-        cut[i] = ends | run.world.slots[i].left;
-        put(r.reward, at, lanes, run.step_reward[i]);
-        put_flags(r.terminated, at, lanes, ends & run.world.slots[i].blamed);
-        put_flags(r.cut, at, lanes, cut[i]);
-        if (any(cut[i])) {
+        const Slot& slot = run.world.slots[i];
+        cut[i].mask = ends | slot.left;
+        if (any(cut[i].mask)) {
+            set_flags(r.terminated + at.first + i, at.stride, lanes & bits(ends & slot.blamed));
+            set_flags(r.cut + at.first + i, at.stride, lanes & bits(cut[i].mask));
             Floats features[FEATURES];
             final_features(run, i, features);
-            put(r.value_next, at, lanes & bits(cut[i]), evaluate<FEATURES>(*r.value, features, Tanh{}));
+            cut[i].value = evaluate<FEATURES>(*r.value, features, Tanh{});
         }
     }
 }
@@ -319,7 +346,7 @@ void conclude(const ClosedLoopArguments& g, int step, Ints ends, Ints* cut, cons
 template <Gap GAP>
 bool run_rollout(const ClosedLoopArguments& g, ClosedLoop& run) {
     World& world = run.world;
-    Ints cut[MAX_VEHICLES];
+    Cut cut[MAX_VEHICLES];
     load(g, world);
     look<GAP>(g, world);
     Random noise;
@@ -334,12 +361,13 @@ bool run_rollout(const ClosedLoopArguments& g, ClosedLoop& run) {
             return false;
         }
     }
-    for (int i = 0; i < g.vehicles && g.steps > 0; ++i) {
+    Floats value[MAX_VEHICLES];
+    for (int i = 0; i < g.vehicles; ++i) {
         Floats features[FEATURES];
         driving_features(world.slots[i], features);
-        put(g.rollout->value_next, place_of(g, g.steps - 1, i), used(g) & ~bits(cut[i]),
-            evaluate<FEATURES>(*g.rollout->value, features, Tanh{}));
+        value[i] = evaluate<FEATURES>(*g.rollout->value, features, Tanh{});
     }
+    put_next_values(g, g.steps - 1, value, cut);
     store(g, all_ints(-1), world);
     for (int k = 0; k < 4; ++k) {
         lanes_at<Words>(g.random, g, 4 + k) = noise.s[k];

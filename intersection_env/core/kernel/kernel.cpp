@@ -49,6 +49,8 @@ extern const Kernel KERNEL = {&INTERSECTION_ENV_NAME(INTERSECTION_ENV_ISA)[4],
                               run_closed_loop,
                               create_replay,
                               destroy_replay,
-                              run_replay};
+                              run_replay,
+                              multiply_add,
+                              hyperbolic_tangent};
 
 } // namespace intersection_env::INTERSECTION_ENV_ISA

@@ -14,6 +14,9 @@ Workspace* create_single();
 void destroy_single(Workspace*);
 void predict_single(const Problem&, const BlockArguments&, Workspace&);
 
+float multiply_add(long rounds);
+float hyperbolic_tangent(long rounds);
+
 Workspace* create_closed_loop();
 void destroy_closed_loop(Workspace*);
 bool run_closed_loop(const ClosedLoopArguments&, Workspace&);

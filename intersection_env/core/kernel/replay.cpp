@@ -288,7 +288,7 @@ void run_step(const ReplayArguments& g, Replay& run) {
     const Ints ends = step(g, run);
     const unsigned over = lanes & bits(ran & ends), blamed = over & bits(run.collided);
     for (std::uint8_t* flags : {g.terminated, g.truncated}) {
-        clear_flags(flags + g.first_world, 1, lanes);
+        clear_flags(flags + g.first_world, 1, lanes, 1);
     }
     set_flags(g.terminated + g.first_world, 1, blamed);
     set_flags(g.truncated + g.first_world, 1, over & ~blamed);
@@ -322,30 +322,40 @@ void run_rollout(const ReplayArguments& g, Replay& run) {
     for (int k = 0; k < 4; ++k) {
         noise.s[k] = lanes_at<Words>(g.random, g, 4 + k);
     }
-    const auto place_of = [&](int step_index) { return Place{g.first_world * g.steps + step_index, g.steps}; };
+    const auto put = [&](const Floats& values, float* results, int step_index) {
+        store_columns(&values, 1, results + g.first_world * g.steps + step_index, g.steps, lanes);
+    };
+    const auto put_flags = [&](Ints mask, std::uint8_t* results, int step_index) {
+        clear_flags(results + g.first_world * g.steps + step_index, g.steps, lanes, 1);
+        set_flags(results + g.first_world * g.steps + step_index, g.steps, lanes & bits(mask));
+    };
     Ints ends{};
-    Floats features[FEATURES], normal[2];
+    Floats features[FEATURES], last_value{};
     for (int step_index = 0; step_index <= g.steps; ++step_index) {
         driving_features(run.acting, features);
-        const Floats value = evaluate<FEATURES>(*r.value, features, Tanh{});
-        if (step_index > 0) {
-            put(r.value_next, place_of(step_index - 1), lanes & ~bits(ends), value);
-        }
         if (step_index == g.steps) {
+            const Floats value = evaluate<FEATURES>(*r.value, features, Tanh{});
+            put(ends ? last_value : value, r.value_next, step_index - 1);
             break;
         }
-        if (step_index % 2 == 0) {
-            noise.normal(all_ints(-1), normal[0], normal[1]);
+        Floats normal, unused; // a step takes one number, so that rollouts may be cut anywhere
+        noise.normal(all_ints(-1), normal, unused);
+        const Sampled sampled = sample_action(r, features, normal);
+        if (step_index > 0) {
+            put(ends ? last_value : sampled.value, r.value_next, step_index - 1);
         }
-        const Place at = place_of(step_index);
-        put(r.value_now, at, lanes, value);
-        run.action = sample_action(r, at, lanes, features, normal[step_index % 2]);
+        store_rows<3>(features, r.observation + (g.first_world * g.steps + step_index) * FEATURES,
+                      static_cast<long>(g.steps) * FEATURES, lanes);
+        put(sampled.latent, r.latent, step_index);
+        put(sampled.log_probability, r.log_probability, step_index);
+        put(sampled.value, r.value_now, step_index);
+        run.action = sampled.action;
         ends = step(g, run) & run.exists;
-        put(r.reward, at, lanes, run.step_reward);
-        put_flags(r.terminated, at, lanes, ends & run.collided);
-        put_flags(r.cut, at, lanes, ends);
+        put(run.step_reward, r.reward, step_index);
+        put_flags(ends & run.collided, r.terminated, step_index);
+        put_flags(ends, r.cut, step_index);
         if (any(ends)) {
-            put(r.value_next, at, lanes & bits(ends), evaluate<FEATURES>(*r.value, run.last_features, Tanh{}));
+            last_value = evaluate<FEATURES>(*r.value, run.last_features, Tanh{});
             begin(g, ends, all_ints(-1), run);
             look_again(g, ends, run);
         }

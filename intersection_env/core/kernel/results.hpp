@@ -10,10 +10,10 @@ namespace intersection_env::INTERSECTION_ENV_ISA {
 constexpr int FEATURES = DRIVING_INPUTS;
 constexpr float HALF_LOG_TWO_PI = 0.918938533F;
 
-// Flags (lane, stride), all 0 but where a mask is set.
-inline void clear_flags(std::uint8_t* flags, long stride, unsigned wanted) {
+// Flags of the lanes, `count` of each, `stride` apart: all 0, until set.
+inline void clear_flags(std::uint8_t* flags, long stride, unsigned wanted, int count) {
     for (unsigned lanes = wanted; lanes != 0; lanes &= lanes - 1) {
-        __builtin_memset(flags + __builtin_ctz(lanes) * stride, 0, static_cast<unsigned long>(stride));
+        __builtin_memset(flags + __builtin_ctz(lanes) * stride, 0, static_cast<unsigned long>(count));
     }
 }
 
@@ -23,33 +23,20 @@ inline void set_flags(std::uint8_t* flags, long stride, unsigned mask) {
     }
 }
 
-// The results of a rollout, of one vehicle at one step: rows of worlds lie `stride` apart.
+// Where the results of a rollout's step go: rows of worlds lie `stride` apart.
 struct Place {
-    long row, stride;
+    long first, stride;
 };
 
-inline void put(float* results, Place at, unsigned wanted, Floats values) {
-    for (unsigned lanes = wanted; lanes != 0; lanes &= lanes - 1) {
-        const int l = __builtin_ctz(lanes);
-        results[at.row + l * at.stride] = values[l];
-    }
-}
+// The action that a policy samples, and the numbers it came from.
+struct Sampled {
+    Floats latent, log_probability, value, action;
+};
 
-inline void put_flags(std::uint8_t* results, Place at, unsigned wanted, Ints mask) {
-    const unsigned set = bits(mask);
-    for (unsigned lanes = wanted; lanes != 0; lanes &= lanes - 1) {
-        const int l = __builtin_ctz(lanes);
-        results[at.row + l * at.stride] = static_cast<std::uint8_t>(set >> l & 1U);
-    }
-}
-
-// What a sampled action leads to: its place in the results, and the action.
-inline Floats sample_action(const Rollout& r, Place at, unsigned lanes, const Floats* features, Floats normal) {
-    store_rows<3>(features, r.observation + at.row * FEATURES, at.stride * FEATURES, lanes);
+inline Sampled sample_action(const Rollout& r, const Floats* features, Floats normal) {
     const Floats latent = evaluate<FEATURES>(*r.policy, features, Tanh{}) + r.sigma * normal;
-    put(r.latent, at, lanes, latent);
-    put(r.log_probability, at, lanes, -0.5F * normal * normal - (r.log_sigma + HALF_LOG_TWO_PI));
-    return tanh(latent);
+    const Floats log_probability = -0.5F * normal * normal - (r.log_sigma + HALF_LOG_TWO_PI);
+    return {latent, log_probability, evaluate<FEATURES>(*r.value, features, Tanh{}), tanh(latent)};
 }
 
 } // namespace intersection_env::INTERSECTION_ENV_ISA

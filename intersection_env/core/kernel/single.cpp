@@ -14,7 +14,7 @@ constexpr int MAX_ROWS = MAX_VEHICLES / WIDTH;
 // A row of vehicles.
 struct VehicleRow : VehicleLanes {
     Floats half_length, max_speed, stop_line, route_length, last_row, time_loss;
-    Ints first_row, route, present, refused_by_assignment;
+    Ints first_row, route, present;
 
     Ints first() const { return first_row; }
     Floats last() const { return last_row; }
@@ -26,6 +26,7 @@ struct Single {
     int count;                                                   // of rows
     Floats position[MAX_ROWS], speed[MAX_ROWS], v_max[MAX_ROWS]; // to pick from; who is absent stands far away
     Ints hold[MAX_ROWS];
+    std::uint64_t refused, refused_by_assignment; // one bit a vehicle
     Circles<Floats> circles[MAX_ROWS];
 };
 
@@ -83,16 +84,22 @@ void observe(const Problem& problem, Single& run) {
             follow(row, (ahead > 0.0F) & (entry | (position + half_length > merge)),
                    ahead - (row.half_length + half_length), speed, held);
         }
-        row.refused = row.refused_by_assignment = Ints{};
     }
 }
 
-void mark(Single& run, int vehicle, bool assigned) {
-    VehicleRow& row = run.rows[vehicle / WIDTH];
-    row.refused[vehicle % WIDTH] = -1;
-    if (assigned) {
-        row.refused_by_assignment[vehicle % WIDTH] = -1;
+// One bit a vehicle: those that the set lanes point to.
+std::uint64_t vehicles_of(unsigned lanes, const std::int32_t* vehicle) {
+    std::uint64_t result = 0;
+    for (; lanes != 0; lanes &= lanes - 1) {
+        result |= std::uint64_t{1} << vehicle[__builtin_ctz(lanes)];
     }
+    return result;
+}
+
+// The mask of a row of vehicles.
+Ints row_of(std::uint64_t vehicles, int row) {
+    const auto lanes = static_cast<std::int32_t>((vehicles >> (row * WIDTH)) & EVERY);
+    return (all_ints(lanes) & (all_ints(1) << lane_numbers())) != 0;
 }
 
 // The pairs from `first` on, a row of them.
@@ -129,13 +136,11 @@ void decide_pairs(const Problem& problem, const std::int32_t* assignments, long 
         }
         refused |= open & ~accepts_gap(problem.gap, problem.gap_network, met);
     }
-    for (unsigned lanes = bits(refused); lanes != 0; lanes &= lanes - 1) {
-        const int l = __builtin_ctz(lanes);
-        mark(run, i[l], to_i[l] != 0);
-    }
-    for (unsigned lanes = bits(to_j); lanes != 0; lanes &= lanes - 1) {
-        mark(run, j[__builtin_ctz(lanes)], true);
-    }
+    run.refused |= vehicles_of(bits(refused), p.yielder + first);
+    const std::uint64_t assigned =
+        vehicles_of(bits(to_i), p.yielder + first) | vehicles_of(bits(to_j), p.prioritized + first);
+    run.refused |= assigned;
+    run.refused_by_assignment |= assigned;
 }
 
 void locate(const Problem& problem, Single& run) {
@@ -227,12 +232,14 @@ void predict_single(const Problem& problem, const BlockArguments& arguments, Wor
     for (int step = 0; step < STEPS; ++step) {
         publish(run);
         observe(problem, run);
+        run.refused = run.refused_by_assignment = 0;
         for (long first = 0; first < problem.pair_count; first += WIDTH) {
             decide_pairs(problem, assignments, first, run);
         }
         for (int r = 0; r < run.count; ++r) {
             VehicleRow& row = run.rows[r];
-            decide_vehicle(row, row.refused_by_assignment ? all_ints(problem.route_count) : row.route);
+            row.refused = row_of(run.refused, r);
+            decide_vehicle(row, row_of(run.refused_by_assignment, r) ? all_ints(problem.route_count) : row.route);
         }
         if (arguments.decisions != nullptr) {
             replay_decisions(arguments.decisions, count, step, run);

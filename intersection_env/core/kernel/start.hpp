@@ -5,7 +5,7 @@
 
 namespace intersection_env::INTERSECTION_ENV_ISA {
 
-constexpr int MOST_TRIALS = 20000;     // for one start
+constexpr int MOST_ROUNDS = 5000;      // rows of trials for one row of starts
 constexpr int PLACEMENTS = 8;          // draws of a route and a position for one vehicle
 constexpr int SPEED_ROUNDS = 4;        // decisions depend on speeds, speeds on decisions
 constexpr float STANDING_APART = 2.0F; // [m], ours
@@ -130,11 +130,12 @@ inline void copy_lane(const World& from, int from_lane, int count, World& to, in
 }
 
 // Gives every wanted lane a new start, observed and decided. Which trial is taken depends on the lane's stream alone,
-// not on how the trials are spread over lanes. False where MOST_TRIALS found none.
+// not on how the trials are spread over lanes. False where MOST_ROUNDS found none.
 template <Gap GAP>
 inline bool start(const Tables& tables, const GapNetwork* network, int count, Ints wanted, World& world, World& trial) {
     const Words key = world.random.next(wanted), other_key = world.random.next(wanted);
     int tried = 0; // of every lane still pending
+    int rounds = 0;
     for (unsigned pending = bits(wanted); pending != 0;) {
         int owners[WIDTH], owner_count = 0;
         for (unsigned lanes = pending; lanes != 0; lanes &= lanes - 1) {
@@ -160,7 +161,7 @@ inline bool start(const Tables& tables, const GapNetwork* network, int count, In
             }
         }
         tried += each;
-        if (tried > MOST_TRIALS) {
+        if (pending != 0 && ++rounds >= MOST_ROUNDS) {
             return false;
         }
     }

@@ -35,6 +35,20 @@ inline void spread(Ints values, int* out) {
 #endif
 }
 
+// The values of the wanted lanes, one after the other; what follows them, up to a row, may be overwritten.
+inline void compress(Ints values, unsigned wanted, int* out) {
+#if defined(__AVX512F__)
+    _mm512_storeu_si512(out,
+                        _mm512_maskz_compress_epi32(static_cast<__mmask16>(wanted), reinterpret_cast<__m512i>(values)));
+#else
+    alignas(64) int all_values[WIDTH];
+    spread(values, all_values);
+    for (; wanted != 0; wanted &= wanted - 1) {
+        *out++ = all_values[__builtin_ctz(wanted)];
+    }
+#endif
+}
+
 // Transposes 4 x 4 numbers within every group of four lanes.
 inline void transpose(Floats rows[4]) {
     const Floats a = rows[0], b = rows[1], c = rows[2], d = rows[3];

@@ -26,8 +26,8 @@ struct Slot : VehicleLanes {
 
 // Gap decisions that wait for the network, which takes them a full row of lanes at a time.
 struct Waiting {
-    Floats features[2][GAP_INPUTS];
-    int vehicle[2 * WIDTH], lane[2 * WIDTH];
+    int who[3 * WIDTH]; // lane, yielder and foe, a byte each
+    float pga[3 * WIDTH];
     int count;
 };
 
@@ -90,40 +90,42 @@ inline Relation relation(const Tables& tables, const Slot& own, const Slot& othe
             merging};
 }
 
-// The network's answers to the first `count` that wait.
-inline void answer(const GapNetwork& network, World& world, int count) {
-    const Floats logit = evaluate<GAP_INPUTS>(network, world.waiting.features[0], LeakyRelu{});
+// The network's answers to the first that wait, at most a row of them.
+inline void answer(const GapNetwork& network, World& world) {
+    Waiting& waiting = world.waiting;
+    const int count = waiting.count < WIDTH ? waiting.count : WIDTH;
+    alignas(64) float features[GAP_INPUTS][WIDTH] = {};
     for (int k = 0; k < count; ++k) {
-        if (!(logit[k] > 0.0F)) {
-            world.slots[world.waiting.vehicle[k]].refused[world.waiting.lane[k]] = -1;
-        }
+        const int l = waiting.who[k] & 255;
+        const Slot &yielder = world.slots[waiting.who[k] >> 8 & 255], &foe = world.slots[waiting.who[k] >> 16];
+        features[0][k] = waiting.pga[k] - yielder.rear[l];
+        features[1][k] = yielder.speed[l];
+        features[2][k] = foe.distance_to_stop_line[l];
+        features[3][k] = foe.speed[l];
+    }
+    const Floats logit = evaluate<GAP_INPUTS>(network, reinterpret_cast<const Floats*>(features), LeakyRelu{});
+    unsigned refused = bits(~(logit > 0.0F)) & ((1U << count) - 1);
+    for (; refused != 0; refused &= refused - 1) {
+        const int who = waiting.who[__builtin_ctz(refused)];
+        world.slots[who >> 8 & 255].refused[who & 255] = -1;
+    }
+    waiting.count -= count;
+    for (int k = 0; k < waiting.count; ++k) {
+        waiting.who[k] = waiting.who[k + WIDTH];
+        waiting.pga[k] = waiting.pga[k + WIDTH];
     }
 }
 
-inline void ask(const GapNetwork& network, const Encounter& met, Ints open, Ints first_yields, int i, int j,
-                World& world) {
+// Puts the open lanes of vehicles i and j on the list.
+inline void ask(const GapNetwork& network, Ints open, Ints first_yields, Floats pga, int i, int j, World& world) {
     Waiting& waiting = world.waiting;
-    Floats features[GAP_INPUTS];
-    gap_features(met, features);
-    for (unsigned lanes = bits(open); lanes != 0; lanes &= lanes - 1) {
-        const int l = __builtin_ctz(lanes);
-        const int k = waiting.count++;
-        for (int f = 0; f < GAP_INPUTS; ++f) {
-            waiting.features[k / WIDTH][f][k % WIDTH] = features[f][l];
-        }
-        waiting.vehicle[k] = first_yields[l] != 0 ? i : j;
-        waiting.lane[k] = l;
-    }
+    const Ints who = lane_numbers() | (first_yields ? all_ints(i << 8 | j << 16) : all_ints(j << 8 | i << 16));
+    const unsigned lanes = bits(open);
+    compress(who, lanes, waiting.who + waiting.count);
+    compress(reinterpret_cast<Ints>(pga), lanes, reinterpret_cast<int*>(waiting.pga + waiting.count));
+    waiting.count += __builtin_popcount(lanes);
     if (waiting.count >= WIDTH) {
-        answer(network, world, WIDTH);
-        waiting.count -= WIDTH;
-        for (int f = 0; f < GAP_INPUTS; ++f) {
-            waiting.features[0][f] = waiting.features[1][f];
-        }
-        for (int k = 0; k < waiting.count; ++k) {
-            waiting.vehicle[k] = waiting.vehicle[k + WIDTH];
-            waiting.lane[k] = waiting.lane[k + WIDTH];
-        }
+        answer(network, world);
     }
 }
 
@@ -148,6 +150,10 @@ inline void meet(const Tables& tables, const GapNetwork* network, World& world, 
     if (!any(open)) {
         return;
     }
+    if constexpr (GAP == Gap::network) {
+        ask(*network, open, a_yields, pga, i, j, world);
+        return;
+    }
     const Encounter met = {pga - rear,
                            a_yields ? a.speed : b.speed,
                            a_yields ? a.v_max() : b.v_max(),
@@ -157,13 +163,9 @@ inline void meet(const Tables& tables, const GapNetwork* network, World& world, 
                            a_yields ? b.v_max() : a.v_max(),
                            foe_end - (a_yields ? b.rear : a.rear),
                            r.merging};
-    if constexpr (GAP == Gap::network) {
-        ask(*network, met, open, a_yields, i, j, world);
-    } else {
-        const Ints refused = open & ~accepts_gap(GAP, nullptr, met);
-        seen.refused |= refused & a_yields;
-        b.refused |= refused & ~a_yields;
-    }
+    const Ints refused = open & ~accepts_gap(GAP, nullptr, met);
+    seen.refused |= refused & a_yields;
+    b.refused |= refused & ~a_yields;
 }
 
 // Marks who is to blame where two vehicles collide. Circles that are far apart are not looked at closely.
@@ -210,7 +212,7 @@ inline void decide(const Tables& tables, const GapNetwork* network, int count, b
         slot.refused = refused;
     }
     if (GAP == Gap::network && world.waiting.count > 0) {
-        answer(*network, world, world.waiting.count);
+        answer(*network, world);
     }
     for (int i = 0; i < count; ++i) {
         decide_vehicle(world.slots[i], world.slots[i].route);
