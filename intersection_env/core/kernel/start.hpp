@@ -7,7 +7,7 @@ namespace intersection_env::INTERSECTION_ENV_ISA {
 
 constexpr int MOST_ROUNDS = 5000;      // rows of trials for one row of starts
 constexpr int PLACEMENTS = 8;          // draws of a route and a position for one vehicle
-constexpr int SPEED_ROUNDS = 4;        // decisions depend on speeds, speeds on decisions
+constexpr int SPEED_ROUNDS = 2;        // decisions depend on speeds, speeds on decisions
 constexpr float STANDING_APART = 2.0F; // [m], ours
 constexpr float TOLERANCE = 1.0e-3F;   // a penalty below it violates nothing
 constexpr float CAR_SHARE = 0.9F;      // ours, as are the sizes: those of the stand-in recordings
