@@ -44,7 +44,7 @@ def test_the_soak_sees_memory_grow() -> None:
     def leaking(worlds: int) -> soak.Soak:
         one = soak.replay(worlds, 1)
         check = one.check_results
-        one.check_results = lambda: (check(), kept.append(b"x" * 2**20))[0]  # type: ignore[method-assign, func-returns-value]
+        one.check_results = lambda: (check(), kept.append(b"x" * 2**23))[0]  # type: ignore[method-assign, func-returns-value]
         return one
 
     with pytest.raises(AssertionError, match="memory grew"):
