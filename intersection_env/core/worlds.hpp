@@ -13,7 +13,7 @@
 
 namespace intersection_env {
 
-constexpr int BLOCK = 16;      // worlds to a block, on every instruction set: the widest one's lanes
+constexpr int BLOCK = LANES;   // worlds to a block, on every instruction set: the widest one's lanes
 constexpr int MAX_ROUTES = 32; // ours: one machine word of bits says which routes overlap
 
 constexpr int ROUTE_COLUMNS =

@@ -25,11 +25,7 @@ Lanes& lanes_at(Value* values, const ClosedLoopArguments& g, long row) {
     return *reinterpret_cast<Lanes*>(values + row * BLOCK + g.first_lane);
 }
 
-// The lanes that stand for a world; the others are run along, and not written.
-unsigned used(const ClosedLoopArguments& g) {
-    const int count = g.worlds - g.first_lane;
-    return count >= WIDTH ? (1U << WIDTH) - 1 : (1U << count) - 1;
-}
+unsigned used(const ClosedLoopArguments& g) { return used_lanes(g.worlds - g.first_lane); }
 
 void load(const ClosedLoopArguments& g, World& world) {
     for (int i = 0; i < g.vehicles; ++i) {

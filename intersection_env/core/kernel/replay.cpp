@@ -23,7 +23,7 @@ Lanes& lanes_at(Value* values, const ReplayArguments& g, long row = 0) {
     return *reinterpret_cast<Lanes*>(values + row * g.padded + g.first_world);
 }
 
-unsigned used(const ReplayArguments& g) { return g.worlds >= WIDTH ? EVERY : (1U << g.worlds) - 1; }
+unsigned used(const ReplayArguments& g) { return used_lanes(g.worlds); }
 
 void load_track(const ReplayArguments& g, Replay& run) {
     Floats row[TRACK_COLUMNS];
@@ -189,8 +189,7 @@ void look(const ReplayArguments& g, Replay& run) {
 
 void remember(const ReplayArguments& g, Slot& slot) {
     observe_vehicle(g.tables, slot);
-    const Ints cannot_stop = slot.distance_to_stop_line < slot.braking_distance;
-    slot.delta = cannot_stop & ((slot.speed >= 1.0F) | (slot.front > slot.first_conflict));
+    slot.delta = committed(slot);
 }
 
 // Begins an episode in the wanted lanes, with a given track where it is not negative; the memories are those of a

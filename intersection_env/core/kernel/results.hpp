@@ -10,6 +10,9 @@ namespace intersection_env::INTERSECTION_ENV_ISA {
 constexpr int FEATURES = DRIVING_INPUTS;
 constexpr float HALF_LOG_TWO_PI = 0.918938533F;
 
+// The first `count` lanes, one bit each: those that stand for a world. The others are run along, and not written.
+inline unsigned used_lanes(int count) { return count >= WIDTH ? EVERY : (1U << count) - 1; }
+
 // Flags of the lanes, `count` of each, `stride` apart: all 0, until set.
 inline void clear_flags(std::uint8_t* flags, long stride, unsigned wanted, int count) {
     for (unsigned lanes = wanted; lanes != 0; lanes &= lanes - 1) {

@@ -73,8 +73,7 @@ inline void look_afresh(const Tables& tables, const GapNetwork* network, int cou
         if (contacts) {
             locate(tables, slot);
         }
-        const Ints cannot_stop = slot.distance_to_stop_line < slot.braking_distance;
-        slot.delta = cannot_stop & ((slot.speed >= 1.0F) | (slot.front > slot.first_conflict));
+        slot.delta = committed(slot);
         slot.hold = all_ints(-1);
         slot.left = Ints{};
     }
