@@ -82,9 +82,9 @@ $(VENV)/.package: $(VENV)/.tools pyproject.toml $(CORE)
 	touch $@
 
 $(VENV)/.development: $(VENV)/.package
-	$(PIP) --no-build-isolation -e '.[data,render,sumo,train,dev]'
+	$(PIP) --no-build-isolation -e '.[data,render,sumo,train,tensorboard,ray,dev]'
 	touch $@
 
 $(VENV)/.bench: $(VENV)/.development
-	$(PIP) --no-build-isolation -e '.[data,render,sumo,train,dev,bench]'
+	$(PIP) --no-build-isolation -e '.[data,render,sumo,train,tensorboard,ray,dev,bench]'
 	touch $@

@@ -59,3 +59,8 @@ class Driver(nn.Module):
         self.policy, self.value = policy, value
         self.sigma: Tensor
         self.register_buffer("sigma", torch.tensor(sigma, dtype=torch.float32))
+
+    def forward(self, observation: Tensor) -> tuple[Tensor, Tensor]:
+        """Mean and deviation (..., 1) of the action before its tanh; observation (..., 12)."""
+        mean: Tensor = self.policy(observation).unsqueeze(-1)
+        return mean, self.sigma.expand_as(mean)

@@ -6,6 +6,8 @@ python -m agents.export runs/gap/gap.policy --onnx runs/gap/gap.onnx
 from __future__ import annotations
 
 import argparse
+import dataclasses
+import hashlib
 import sys
 from collections.abc import Mapping
 from pathlib import Path
@@ -13,6 +15,7 @@ from typing import Any
 
 import torch
 
+from agents.driving import DrivingNetwork
 from agents.networks import GapNetwork
 from intersection_env.files import written_whole
 from intersection_env.policy import NetworkWeights, PolicyFile
@@ -20,9 +23,22 @@ from intersection_env.policy import NetworkWeights, PolicyFile
 
 def policy_file(network: GapNetwork, about: Mapping[str, Any]) -> PolicyFile:
     """The policy of this gap network with the IDM as driver."""
+    return PolicyFile("network", "idm", gap_network=_weights(network), about=about)
+
+
+def driving_policy(gap: PolicyFile, driver: DrivingNetwork, about: Mapping[str, Any]) -> PolicyFile:
+    """The policy that decides gaps as `gap` does and drives by this network."""
+    return dataclasses.replace(gap, driver="network", driving_network=_weights(driver), about=about)
+
+
+def gap_hash(gap: PolicyFile) -> str:
+    """SHA-256 of what decides about gaps, whatever the file says about itself."""
+    return hashlib.sha256(dataclasses.replace(gap, about={}).text().encode()).hexdigest()
+
+
+def _weights(network: GapNetwork | DrivingNetwork) -> NetworkWeights:
     layers = [(layer.weight.detach().numpy().copy(), layer.bias.detach().numpy().copy()) for layer in network.layers]
-    weights = NetworkWeights(network.shift.numpy().copy(), network.scale.numpy().copy(), layers)
-    return PolicyFile("network", "idm", gap_network=weights, about=about)
+    return NetworkWeights(network.shift.numpy().copy(), network.scale.numpy().copy(), layers)
 
 
 def gap_network(policy: PolicyFile) -> GapNetwork:

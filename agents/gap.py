@@ -7,12 +7,10 @@ python -m agents.gap paper --run runs/gap_paper
 from __future__ import annotations
 
 import dataclasses
-import signal
 import sys
 import time
 from dataclasses import dataclass
 from pathlib import Path
-from types import FrameType
 from typing import Any, Literal
 
 import numpy as np
@@ -24,6 +22,7 @@ from tqdm import tqdm
 
 from agents.export import policy_file
 from agents.gap_samples import Foes, GapSamples, gap_samples
+from agents.interrupt import Interrupted, ctrl_c
 from agents.networks import GapNetwork, least_logit
 from agents.run_folder import RunFolder, file_hash
 from intersection_env.scenes import SPLITS, Scenes
@@ -88,10 +87,6 @@ class Data:
         return cls(torch.from_numpy(features), torch.from_numpy(there), label)
 
 
-class Interrupted(Exception):  # noqa: N818, not an error
-    """Ctrl-C came; the checkpoint is written."""
-
-
 def train_network(
     train: GapSamples,
     development: GapSamples,
@@ -123,7 +118,7 @@ def train_network(
         schedule.load_state_dict(state["schedule"])
         generator.set_state(state["generator"])
     first = 0 if state is None else int(state["epoch"])
-    with _ctrl_c() as interrupted:
+    with ctrl_c() as interrupted:
         bar = tqdm(
             range(first + 1, settings.epochs + 1), "gap network", disable=None if progress else True, unit="epoch"
         )
@@ -209,29 +204,6 @@ def _divide_logits(network: GapNetwork, temperature: float) -> None:
     with torch.no_grad():
         for parameter in network.layers[-1].parameters():
             parameter.div_(temperature)
-
-
-class _ctrl_c:  # noqa: N801, a context manager reads as a verb
-    """Within it, the first Ctrl-C only sets a flag, which `interrupted()` reads; a second one ends at once."""
-
-    def __enter__(self) -> _ctrl_c:
-        self._pressed = False
-        try:
-            self._before = signal.signal(signal.SIGINT, self._press)
-        except ValueError:  # not the main thread: nobody presses keys there
-            self._before = None
-        return self
-
-    def __exit__(self, *error: object) -> None:
-        if self._before is not None:
-            signal.signal(signal.SIGINT, self._before)
-
-    def __call__(self) -> bool:
-        return self._pressed
-
-    def _press(self, number: int, frame: FrameType | None) -> None:
-        self._pressed = True
-        signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 def main(settings: GapSettings) -> int:

@@ -6,7 +6,9 @@ from collections import OrderedDict
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
+import numpy as np
 import torch
+from numpy.typing import NDArray
 from tensordict import TensorDict, TensorDictBase
 from torch import Tensor, nn
 from torchrl.collectors import BaseCollector
@@ -19,6 +21,7 @@ from intersection_env.worlds import ClosedLoopWorlds, ReplayWorlds
 FEATURES = 12
 FLOATS = ("latent", "log_probability", "value_now", "value_next", "reward")
 FLAGS = ("terminated", "cut")
+RANDOM = "random"  # in the worlds' state, the one of unsigned numbers
 CPU = (None, "cpu", torch.device("cpu"))
 NEUTRAL: dict[str, tuple[Any, ...]] = {
     "init_random_frames": (None, 0, -1),
@@ -121,7 +124,7 @@ class RolloutCollector(BaseCollector):  # type: ignore[misc]  # TorchRL is untyp
             create_env_fn: a `ClosedLoopEnv` or `ReplayEnv`, or what makes one; or a list of one of these.
             policy: what drives; read anew for each batch.
             frames_per_batch: worlds times steps times vehicles.
-            total_frames: at which to stop.
+            total_frames: at which to stop, -1: never.
             worker_idx, pre_collect_hook, post_collect_hook: as TorchRL has them.
             others: what TorchRL's distributed collectors pass on, where it changes nothing (`NEUTRAL`).
 
@@ -137,8 +140,8 @@ class RolloutCollector(BaseCollector):  # type: ignore[misc]  # TorchRL is untyp
         agents = self.env.worlds.action.size
         if frames_per_batch < 1 or frames_per_batch % agents:
             raise ValueError(f"frames_per_batch is {frames_per_batch}; wanted a multiple of the {agents} agents")
-        if total_frames < 1:
-            raise ValueError(f"total_frames is {total_frames}; wanted at least 1")
+        if total_frames < 1 and total_frames != -1:
+            raise ValueError(f"total_frames is {total_frames}; wanted at least 1, or -1 for no end")
         self.frames_per_batch = self.requested_frames_per_batch = frames_per_batch
         self.total_frames = total_frames
         self.worker_idx = worker_idx
@@ -146,9 +149,13 @@ class RolloutCollector(BaseCollector):  # type: ignore[misc]  # TorchRL is untyp
         self._must_start = True
         self._frames, self._iter = 0, -1
 
+    def __bool__(self) -> bool:
+        """Always: Ray asks this of a worker that raised, and would otherwise kill it over a length that has no end."""
+        return True
+
     def iterator(self) -> Iterator[TensorDictBase]:
         """Batches as of `Rollouts.collect`, each valid until the next but one."""
-        while self._frames < self.total_frames:
+        while self.total_frames == -1 or self._frames < self.total_frames:
             if self.pre_collect_hook is not None:
                 self.pre_collect_hook()
             self._start_if_due()
@@ -168,7 +175,7 @@ class RolloutCollector(BaseCollector):  # type: ignore[misc]  # TorchRL is untyp
     def state_dict(self) -> OrderedDict[str, Any]:
         """Everything that the next batches depend on; starts the worlds if that is due."""
         self._start_if_due()
-        worlds = OrderedDict((name, torch.from_numpy(array)) for name, array in self.env.state().items())
+        worlds = OrderedDict((name, torch.from_numpy(_signed(array))) for name, array in self.env.state().items())
         return OrderedDict(
             policy_state_dict=self.policy.state_dict(), env_state_dict=worlds, frames=self._frames, iter=self._iter
         )
@@ -176,7 +183,8 @@ class RolloutCollector(BaseCollector):  # type: ignore[misc]  # TorchRL is untyp
     def load_state_dict(self, state_dict: OrderedDict[str, Any], strict: bool = True) -> None:
         """Goes on where `state_dict` was taken."""
         self.policy.load_state_dict(state_dict["policy_state_dict"], strict=strict)
-        self.env.set_state({name: tensor.numpy() for name, tensor in state_dict["env_state_dict"].items()})
+        worlds = {name: tensor.numpy() for name, tensor in state_dict["env_state_dict"].items()}
+        self.env.set_state(worlds | {RANDOM: worlds[RANDOM].view(np.uint32)})
         self._must_start = False
         self._frames, self._iter = state_dict["frames"], state_dict["iter"]
 
@@ -204,6 +212,11 @@ class RolloutCollector(BaseCollector):  # type: ignore[misc]  # TorchRL is untyp
         is_module = isinstance(policy_or_weights, nn.Module)
         weights = TensorDict.from_module(policy_or_weights) if is_module else TensorDict(policy_or_weights)
         TensorDict.from_module(self.policy).data.update_(weights.data)
+
+
+def _signed(array: NDArray[Any]) -> NDArray[Any]:
+    """The same bits as a type that torch can pickle, which it cannot uint32."""
+    return array.view(np.int32) if array.dtype == np.uint32 else array
 
 
 def _environment(create: Any) -> ClosedLoopEnv | ReplayEnv:

@@ -11,13 +11,18 @@ import json
 import platform
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
+from importlib import import_module
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import torch
 
 from intersection_env.files import written_whole
+
+if TYPE_CHECKING:
+    from torch.utils.tensorboard import SummaryWriter
 
 CONFIG, METRICS, CHECKPOINT = "config.json", "metrics.jsonl", "checkpoint.pt"
 
@@ -27,9 +32,13 @@ class RunFolder:
     """The folder of one run; make it with `begin`."""
 
     path: Path
+    tensorboard: bool = False
+    """Whether metrics go to TensorBoard's event files too; these hold an epoch twice where a run was resumed."""
 
     @classmethod
-    def begin(cls, path: Path, settings: Mapping[str, Any], data: str, resume: bool) -> RunFolder:
+    def begin(
+        cls, path: Path, settings: Mapping[str, Any], data: str, resume: bool, tensorboard: bool = False
+    ) -> RunFolder:
         """Starts a run in a new folder, or goes on with the one there.
 
         Args:
@@ -37,10 +46,17 @@ class RunFolder:
             settings: whatever decides the result, as JSON holds it.
             data: a hash of the data.
             resume: whether to go on with a run that is there; without one, a new run starts.
+            tensorboard: whether to write metrics for TensorBoard too.
 
         Raises:
-            ValueError: the folder holds a run and `resume` is False, or that run had other settings or data.
+            ValueError: the folder holds a run and `resume` is False, or that run had other settings or data; or
+                TensorBoard is not there.
         """
+        if tensorboard:
+            try:
+                import_module("tensorboard")
+            except ImportError as error:
+                raise ValueError(f"--tensorboard: {error}; pip install 'intersection_env[tensorboard]'") from None
         config = path / CONFIG
         wanted = {"settings": json.loads(json.dumps(settings)), "data_sha256": data}
         if config.exists():
@@ -48,22 +64,34 @@ class RunFolder:
                 raise ValueError(f"{path} holds a run already: choose another --run, or go on with it by --resume")
             stored = json.loads(config.read_text(encoding="utf-8"))
             _same(config, {**stored["settings"], "data": stored["data_sha256"]}, {**wanted["settings"], "data": data})
-            return cls(path)
-        versions = {name: version(name) for name in ("intersection_env", "numpy", "torch")}
+            return cls(path, tensorboard)
+        versions = {name: version(name) for name in ("intersection_env", "numpy", "tensordict", "torch", "torchrl")}
         with written_whole(config) as temporary:
             about = {**wanted, "versions": {"python": platform.python_version(), **versions}}
             temporary.write_text(json.dumps(about, indent=1) + "\n", encoding="utf-8")
-        return cls(path)
+        return cls(path, tensorboard)
 
     def append(self, row: Mapping[str, Any]) -> None:
-        """Adds a line to the metrics."""
+        """Adds a line to the metrics; `row` has its epoch under "epoch"."""
         with (self.path / METRICS).open("a", encoding="utf-8") as file:
             file.write(json.dumps(row) + "\n")
+        if self.tensorboard:
+            for name, value in _flat(row).items():
+                self._events.add_scalar(name, value, int(row["epoch"]))
+
+    @cached_property
+    def _events(self) -> SummaryWriter:
+        from torch.utils.tensorboard import SummaryWriter  # slow to import, and seldom wanted
+
+        return SummaryWriter(str(self.path))
 
     def save(self, state: Mapping[str, Any]) -> None:
         """Replaces the checkpoint; `state` has its epoch under "epoch"."""
         with written_whole(self.path / CHECKPOINT) as temporary:
-            torch.save(dict(state), temporary)
+            try:
+                torch.save(dict(state), temporary)
+            except RuntimeError as error:  # how torch says that a file cannot be written
+                raise OSError(f"{self.path / CHECKPOINT} cannot be written: {error}") from error
 
     def load(self) -> dict[str, Any] | None:
         """The checkpoint, None without one; metrics written after it are dropped, they will come again.
@@ -119,6 +147,14 @@ def _same(config: Path, stored: Mapping[str, Any], wanted: Mapping[str, Any]) ->
         if stored.get(key) != wanted.get(key):
             had, has = stored.get(key), wanted.get(key)
             raise ValueError(f'{config}: the run there had "{key}" = {had!r}, not {has!r}: it cannot go on so')
+
+
+def _flat(row: Mapping[str, Any], prefix: str = "") -> dict[str, float]:
+    """Figures by name, those of a group within as "group/name"."""
+    figures: dict[str, float] = {}
+    for name, value in row.items():
+        figures |= _flat(value, f"{prefix}{name}/") if isinstance(value, Mapping) else {f"{prefix}{name}": value}
+    return figures
 
 
 def _epoch(line: str) -> float:

@@ -20,8 +20,9 @@ import tyro
 
 from agents.baselines import BASELINES, Decider, Floats, PairModel
 from agents.export import gap_network
-from agents.gap import GapSettings, Interrupted, train_network
+from agents.gap import GapSettings, train_network
 from agents.gap_samples import Foes, GapSamples, gap_samples
+from agents.interrupt import Interrupted
 from agents.networks import GapNetwork
 from experiments.gap_picture import plot
 from experiments.gap_scores import BINS, COVERAGE, FOES, NETWORK, RESAMPLES, Tally, compare, pooled, table, tally

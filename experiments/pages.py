@@ -21,13 +21,14 @@ SPEED_ROWS = (
     ("1 scenario", "single_us", "networks", None),
     ("64", "batch_us", "networks", "64"),
     ("1024", "batch_us", "networks", "1024"),
+    ("1024, {cores} cores", "threads_us", "networks", "1024"),
     ("1024, with smallest distances", "batch_us", "networks, with distances", "1024"),
     ("all priorities assigned, 64", "assigned_us", "assigned", "64"),
     ("all priorities assigned, 1024", "assigned_us", "assigned", "1024"),
     ("rules and IDM instead of networks, 1", "single_us", "idm", None),
     ("rules and IDM instead of networks, 1024", "batch_us", "idm", "1024"),
 )
-"""Name, table, row and number of scenarios."""
+"""Name (`cores`: the machine's), table, row and number of scenarios."""
 CYCLE_ROWS = {"maneuvers in 200 ms": "networks", "the same, all priorities assigned": "assigned"}
 
 
@@ -55,7 +56,7 @@ def speed_table(bench: dict[str, Any]) -> str:
             found = found if scenarios is None else found[scenarios]
             ratio = "" if row.startswith("idm") else f"; {found['best'] / floor:.2f}"
             cells.append(f"{found['median']:.1f} ({found['best']:.1f}{ratio})")
-        lines.append(f"| {name} | {' | '.join(cells)} |")
+        lines.append(f"| {name.format(cores=bench['cores'])} | {' | '.join(cells)} |")
     for name, row in CYCLE_ROWS.items():
         cells = [f"{rows[row]:,}" for rows in bench["maneuvers_per_cycle"].values()]
         lines.append(f"| {name} | {' | '.join(cells)} |")
@@ -92,10 +93,14 @@ def speed_block(bench: dict[str, Any]) -> str:
         f" p99.9 {latency['p99.9']:.0f} µs over {latency['calls']:,} calls.\n"
         f"`rank_maneuvers`, smallest distances and table included: {ranked}."
     )
+    notes += f"\n{flips_sentence(bench['flips'])}"
     asked = [row["asked"] for row in bench["peers_us"].values() if "asked" in row]
     if asked:
         share = f"{100.0 * asked[0]:.0f} %"
-        notes += f"\nIn this traffic the gap network has to be asked for {share} of the pairs and steps in the floor."
+        notes += (
+            f"\nOf the floor's pairs and steps {share} are open to a gap decision in this traffic; the network\n"
+            "is asked where its answer can change something."
+        )
     theirs = [row["core_share"] for row in bench["peers_us"].values() if "core_share" in row]
     if theirs:
         notes += (
@@ -103,6 +108,26 @@ def speed_block(bench: dict[str, Any]) -> str:
             f" its peers {100.0 * min(theirs):.0f} to {100.0 * max(theirs):.0f} %."
         )
     return "\n\n".join((speed_table(bench), peers_table(bench), notes))
+
+
+def flips_sentence(flips: dict[str, Any]) -> str:
+    """How often instruction sets decide differently about the same gap."""
+    rows = []
+    for name, row in flips.items():
+        one, best = name.split("-")
+        if row["scenarios"] == row["position_m"] == 0.0:
+            rows.append(f"{one} and {best} never differ")
+            continue
+        shares = (
+            f"{100.0 * row['decisions']:.3f} % of the decisions, in {100.0 * row['scenarios']:.2f} % of the traffics"
+        )
+        replayed = f"with decisions replayed, positions differ by at most {1e3 * row['position_m']:.2f} mm"
+        rows.append(f"{one} and {best} in {shares}\n({replayed})")
+    count = max(row["traffics"] for row in flips.values())
+    return (
+        f"How often instruction sets decide differently (policy `gap`, {count:,} random traffics of 15 vehicles,"
+        " 50 steps):\n" + ";\n".join(rows) + "."
+    )
 
 
 def worlds_table(environments: dict[str, Any]) -> str:

@@ -6,6 +6,7 @@ floor comes from the same rounds: the networks' multiply-adds and tanh at the be
 
 from __future__ import annotations
 
+import os
 import time
 from collections.abc import Callable, Hashable, Mapping
 from typing import Any, TypeVar
@@ -13,6 +14,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from experiments.predictor_flips import flip_rates
 from experiments.predictor_peers import predictor_peer_times
 from experiments.timed_scenes import arithmetic, both_networks, rules, traffic, traffic_with_orders
 from intersection_env import Predictor, Traffic, _core, rank_maneuvers
@@ -26,6 +28,7 @@ SIZES = range(2, 16)
 CYCLE = 0.2  # [s], a planner's
 LATENCY_CALLS = 100_000
 ORDERS = (100, 2000)
+FLIPPED = 2000  # traffics
 DISTANCES = ", with distances"
 
 
@@ -43,9 +46,11 @@ def predictor_times(quick: bool = False) -> dict[str, Any]:
     results["core_share"] = (time.process_time() - begin_of_work) / (time.perf_counter() - begin)
     results |= _floors(found) | _tables(found)
     _print(results)
+    results |= _on_all_cores(scene, rounds)
     results["vehicles_us"] = _by_vehicles(results["peaks"], max(1, rounds // 3))
     results["latency_us"] = latency(scene, LATENCY_CALLS // (50 if quick else 1))
     results["ranking_ms"] = ranking(rounds)
+    results["flips"] = flip_rates(FLIPPED // (10 if quick else 1))
     results["peers_us"] = predictor_peer_times()
     return results
 
@@ -85,11 +90,11 @@ def _rows() -> list[tuple[str, int]]:
     return [(name, n) for name in names for n in (1, *BATCHES)]
 
 
-def _case(scene: Traffic, isa: str, row: str, scenarios: int) -> Callable[[], float]:
+def _case(scene: Traffic, isa: str, row: str, scenarios: int, threads: int = 1) -> Callable[[], float]:
     """Microseconds a scenario, summaries only."""
     driver = row.removesuffix(DISTANCES)
     policy = rules() if driver == "idm" else both_networks()
-    predictor = _core.Predictor(scene.intersection.core, _core.Policy(policy.text(), driver))
+    predictor = _core.Predictor(scene.intersection.core, _core.Policy(policy.text(), driver), threads)
     assignments = np.zeros((scenarios, len(scene.conflicts)), np.int8)
     if driver == "assigned":
         assignments = _orders(scene, scenarios)
@@ -150,6 +155,18 @@ def _tables(found: Mapping[Any, Spread]) -> dict[str, Any]:
     }
     single = {isa: {row: found[isa, row, 1] for row in free} for isa in kernels}
     return {"single_us": single, "batch_us": batch, "assigned_us": assigned, "maneuvers_per_cycle": cycle}
+
+
+def _on_all_cores(scene: Traffic, rounds: int) -> dict[str, Any]:
+    """The times of the largest batch shared among threads, one a core."""
+    kernels, most = _core.available_kernels(), BATCHES[-1]
+    rows = ("networks", "networks" + DISTANCES)
+    found = in_turns({(isa, row): _case(scene, isa, row, most, threads=0) for isa in kernels for row in rows}, rounds)
+    print(f"\n{most} scenarios on {os.cpu_count()} cores")
+    for isa in kernels:
+        print(f"{isa}: " + ", ".join(f"{row} {found[isa, row]['median']:.1f}" for row in rows))
+    table = {isa: {row: {str(most): found[isa, row]} for row in rows} for isa in kernels}
+    return {"cores": os.cpu_count(), "threads_us": table}
 
 
 def _by_vehicles(peaks: dict[str, Spread], rounds: int) -> dict[str, Any]:

@@ -54,13 +54,19 @@ def _drawn() -> Iterator[tuple[Traffic, int]]:
     """Traffics and their numbers of orders, drawn once in a process."""
     kept, generator = _kept()
     yield from kept
-    while True:
-        found = _random_traffic(generator)
+    for found in random_traffics(generator):
         cooperative = np.ones(len(found), np.uint8)
         any_order = np.full(len(found.conflicts), -1, np.int8)
         orders = _core.Orders(found.intersection.core, found.core, cooperative, any_order).count_remaining(COUNTED)
         kept.append((found, orders))
         yield kept[-1]
+
+
+def random_traffics(generator: np.random.Generator | None = None) -> Iterator[Traffic]:
+    """Traffics of 15 vehicles without end; always the same ones, unless a generator draws them."""
+    generator = generator or np.random.default_rng(0)
+    while True:
+        yield _random_traffic(generator)
 
 
 def _random_traffic(generator: np.random.Generator) -> Traffic:

@@ -16,6 +16,8 @@ STEPS: int = 50
 
 MAX_VEHICLES: int = 64
 
+MOST_THREADS: int = 256
+
 BRAKING: float = 4.0
 
 LEAST_SIZE: float = 0.10000000149011612
@@ -165,7 +167,7 @@ class Policy:
         """(row,): the driving network's output before its last tanh."""
 
 class Predictor:
-    def __init__(self, map: Map, policy: Policy) -> None: ...
+    def __init__(self, map: Map, policy: Policy, threads: int = 1) -> None: ...
 
     def observe(self, traffic: Traffic) -> tuple[NDArray[numpy.float32], NDArray[numpy.float32], NDArray[numpy.uint8]]:
         """

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import zlib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -35,6 +36,26 @@ class NetworkWeights:
     layers: Sequence[tuple[NDArray[np.float32], NDArray[np.float32]]]
 
 
+@dataclass(frozen=True)
+class IdmParameters:
+    """The Intelligent Driver Model's; defaults: paper, Section IV-C.2, and ours where it has none."""
+
+    standing_gap: float = 1.5
+    """[m]"""
+    time_gap: float = 1.0
+    """[s]"""
+    acceleration: float = 2.5
+    """[m/s²]"""
+    deceleration: float = 4.0
+    """Comfortable [m/s²]; also into curves."""
+    deceleration_limit: float = 8.0
+    """Hardest [m/s²]; ours."""
+    speed_share: float = 1.0
+    """Speed with nobody ahead, as a share of the limit."""
+    lateral_acceleration: float = 1000.0
+    """In curves, at most [m/s²]; 1000: curves slow nobody."""
+
+
 @dataclass(frozen=True, eq=False)
 class PolicyFile:
     """What a policy file holds. A network is there exactly where `gap` or `driver` says "network"."""
@@ -45,6 +66,8 @@ class PolicyFile:
     driving_network: NetworkWeights | None = None
     acceleration_scale: float = 6.0
     """[m/s²] at a driving network's output of 1."""
+    idm: IdmParameters = IdmParameters()
+    """Where `driver` is "idm"."""
     about: Mapping[str, Any] = field(default_factory=dict)
     """Provenance and scores, as JSON holds them."""
 
@@ -67,16 +90,21 @@ class PolicyFile:
         about = _core.Policy(text, where).about  # the core is the judge; what it lets pass is well-formed
         lines = iter(text.splitlines()[2:])
         value = {key: next(lines).split(" ")[1] for key in ("dt", "acceleration_scale", "gap", "driver")}
+        idm = IdmParameters()
+        if value["driver"] == "idm":
+            idm = IdmParameters(*map(float, next(lines).split(" ")[1:]))
         gap = _network_from(lines, len(GAP_FEATURES)) if value["gap"] == "network" else None
         driving = _network_from(lines, len(DRIVING_FEATURES)) if value["driver"] == "network" else None
         scale = float(value["acceleration_scale"])
-        return cls(value["gap"], value["driver"], gap, driving, scale, json.loads(about))
+        return cls(value["gap"], value["driver"], gap, driving, scale, idm, json.loads(about))
 
     def text(self) -> str:
         """The file's text, checksum included; floats with nine digits, an exact float32 round trip."""
         lines = [f"{MAGIC} {VERSION}", f"about {json.dumps(self.about, sort_keys=True)}"]
         lines += [f"dt {DT:.9g}", f"acceleration_scale {self.acceleration_scale:.9g}"]
         lines += [f"gap {self.gap}", f"driver {self.driver}"]
+        if self.driver == "idm":
+            lines.append("idm " + _numbers(dataclasses.astuple(self.idm)))
         if self.gap_network is not None:
             lines += _network_lines(GAP_FEATURES, self.gap_network)
         if self.driving_network is not None:

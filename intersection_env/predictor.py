@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from intersection_env import _core
+from intersection_env.arguments import whole_number
 from intersection_env.intersection import Intersection
 from intersection_env.policy import DT as DT
 from intersection_env.policy import PolicyFile
@@ -79,15 +80,18 @@ class Observation:
 class Predictor:
     """A policy that predicts traffic on any map."""
 
-    def __init__(self, policy: PolicyFile, name: str) -> None:
-        """A predictor by this policy (`load` knows those that ship)."""
+    def __init__(self, policy: PolicyFile, name: str, threads: int = 1) -> None:
+        """A predictor by this policy (`load` knows those that ship, and says what `threads` do)."""
         self.name = name
         self.policy = policy
+        self.threads = whole_number("threads", threads)
+        if not 0 <= threads <= _core.MOST_THREADS:
+            raise ValueError(f"threads must be from 0, one a core, to {_core.MOST_THREADS}, not {threads}")
         self._policy = _core.Policy(policy.text(), name)
         self._bound: dict[str, _core.Predictor] = {}
 
     @classmethod
-    def load(cls, policy: str | Path = "gap", *, gap: str | None = None) -> Predictor:
+    def load(cls, policy: str | Path = "gap", *, gap: str | None = None, threads: int = 1) -> Predictor:
         """A policy that ships, a rule (`"idm"`, `"constant_velocity"`) or a policy file (`.policy`).
 
         `"gap"`: a network decides about gaps, the IDM drives; trained on the simulated recordings.
@@ -95,16 +99,19 @@ class Predictor:
         Args:
             policy: a name or a path.
             gap: for rules only, who accepts a gap: `"critical_gap"` (default; 6 s crossing, 4 s merging) or `"sumo"`.
+            threads: how many share the scenarios of a large batch, 0: one a core. They do not change what comes out.
+                They help one caller at a time; whoever predicts meanwhile, in another thread, works alone.
 
         Raises:
-            ValueError: an unknown name, a policy file that is damaged or made for something else, or a `gap` for a
-                policy that brings its own.
+            TypeError: threads that are no whole number.
+            ValueError: an unknown name, a policy file that is damaged or made for something else, a `gap` for a
+                policy that brings its own, or threads below 0 or too many.
             OSError: the file cannot be read.
         """
         if str(policy) in RULES:
             if gap == "network":
                 raise ValueError(f'"{policy}" has no gap network; gap must be "critical_gap" or "sumo"')
-            return cls(PolicyFile(gap or "critical_gap", str(policy)), str(policy))
+            return cls(PolicyFile(gap or "critical_gap", str(policy)), str(policy), threads)
         if gap is not None:
             raise ValueError(f'gap belongs to the rules {", ".join(RULES)}; the policy "{policy}" brings its own')
         path = Path(policy)
@@ -114,7 +121,7 @@ class Predictor:
                 names = ", ".join((*shipped, *RULES))
                 raise ValueError(f'no policy "{policy}": the names are {names}, and files end in .policy')
             path = POLICIES / f"{policy}.policy"
-        return cls(PolicyFile.read(path), path.stem)
+        return cls(PolicyFile.read(path), path.stem, threads)
 
     @overload
     def predict(
@@ -161,14 +168,14 @@ class Predictor:
         """The core's predictor on this map, kept for the next time."""
         bound = self._bound.get(intersection.checksum)
         if bound is None:
-            bound = self._bound[intersection.checksum] = _core.Predictor(intersection.core, self._policy)
+            bound = self._bound[intersection.checksum] = _core.Predictor(intersection.core, self._policy, self.threads)
         return bound
 
     def __repr__(self) -> str:
         return f"Predictor({self.name!r})"
 
-    def __reduce__(self) -> tuple[type[Predictor], tuple[PolicyFile, str]]:
-        return Predictor, (self.policy, self.name)
+    def __reduce__(self) -> tuple[type[Predictor], tuple[PolicyFile, str, int]]:
+        return Predictor, (self.policy, self.name, self.threads)
 
 
 def as_assignments(traffic: Traffic, priorities: Priorities | None) -> NDArray[np.int8]:

@@ -151,7 +151,7 @@ class ClosedLoopWorlds(_Worlds):
             }
         )
         self.intersection = map if isinstance(map, Intersection) else Intersection.load(map)
-        self.policy = gap_policy(gap)
+        self.policy = _core.Policy(gap_decider(gap).text(), str(gap))
         self.core = _core.ClosedLoop(
             self.intersection.core, self.policy, worlds, vehicles, max_cycles, autoreset, threads, isa
         )
@@ -224,7 +224,8 @@ class ReplayWorlds(_Worlds):
         self.intersection = recorded.intersection
         self.tracks = RecordedTracks.of(recorded)
         self.is_recorded = str(gap) == "recording"
-        self.policy = gap_policy("critical_gap" if self.is_recorded else gap)
+        decider = gap_decider("critical_gap" if self.is_recorded else gap)
+        self.policy = _core.Policy(decider.text(), str(gap))
         self.core = _core.Replay(
             self.intersection.core,
             self.policy,
@@ -250,19 +251,19 @@ def fresh_seed() -> int:
     return int(np.random.SeedSequence().generate_state(1, np.uint64)[0] >> 1)
 
 
-def gap_policy(gap: str | Path) -> _core.Policy:
-    """Who decides about gaps, as the core takes it.
+def gap_decider(gap: str | Path) -> PolicyFile:
+    """Who decides about gaps: a rule's name, or a policy (name or file) with a gap network.
 
     Raises:
-        ValueError: neither a rule nor a policy with a gap network.
+        ValueError: neither.
         OSError: the policy file cannot be read.
     """
     if str(gap) in RULES:
-        return _core.Policy(PolicyFile(str(gap), "idm").text(), str(gap))
+        return PolicyFile(str(gap), "idm")
     try:
         policy = Predictor.load(gap).policy
     except ValueError as error:
         raise ValueError(f"gap: neither {' nor '.join(RULES)}, nor a policy: {error}") from None
     if policy.gap != "network":
         raise ValueError(f'gap: the policy "{gap}" has no gap network; the rules are {", ".join(RULES)}')
-    return _core.Policy(policy.text(), str(gap))
+    return policy

@@ -27,8 +27,6 @@ BRAKING = 4.0  # m/s², of s_brake
 LEAD_RANGE = 100.0  # m
 LEAD_SPEED = 100 / 3.6  # m/s, without a lead
 BICYCLE_SPEED = 5.0  # m/s
-STANDSTILL_GAP, HEADWAY, IDM_ACCELERATION, IDM_DECELERATION = 1.5, 1.0, 2.5, 4.0  # m, s, m/s², m/s²
-HARDEST_BRAKING = -8.0  # m/s²
 NETWORK_ACCELERATION = 6.0  # m/s²
 SAMPLE_FIELDS = ("x", "y", "heading", "width", "v_max", "h-10", "h-3", "h3", "h10", "h30", "h100")
 X, Y, HEADING, WIDTH, V_MAX, HEADINGS = 0, 1, 2, 3, 4, slice(5, 11)
@@ -399,43 +397,59 @@ class Chooser:
     network: Network | None
 
 
-def say(
-    intersection: Map, traffic: Traffic, memory: Memory, chooser: Chooser, observation: Observation
-) -> tuple[Booleans, Booleans]:
-    """raw (vehicle,), the minimum over each vehicle's active pairs, and who is told 0 by an assignment (vehicle,)."""
-    raw = np.ones(len(traffic.route), dtype=np.bool_)
-    told_to_wait = np.zeros(len(traffic.route), dtype=np.bool_)
+@dataclass(frozen=True)
+class Says:
+    """What the active pairs say to each vehicle; (vehicle,)."""
+
+    refused: Booleans
+    """By the gap decision or an assignment."""
+    told_to_wait: Booleans
+    """By an assignment."""
+    kept: Booleans
+    """It waits, and lets one pass that yields to it but can no longer stop."""
+
+
+def say(intersection: Map, traffic: Traffic, memory: Memory, chooser: Chooser, observation: Observation) -> Says:
+    """What the pairs say before the step."""
+    refused, told_to_wait, kept = (np.zeros(len(traffic.route), dtype=np.bool_) for _ in range(3))
     for number, pair in enumerate(chooser.pairs):
         assignment = int(chooser.assignments[number])
         if not is_active(intersection, traffic, memory.present, pair, assignment):
             continue
         if assignment == 0:
+            if cannot_turn_back(intersection, traffic, memory, int(pair[0])) and not memory.delta[pair[1]]:
+                kept[pair[1]] = True
             features = observation.gap[number]
             if not accepts_gap(intersection, traffic, pair, features, memory.hold, chooser.gap, chooser.network):
-                raw[pair[0]] = False
+                refused[pair[0]] = True
         else:
             second = pair[1] if assignment == 1 else pair[0]
-            raw[second] = False
+            refused[second] = True
             told_to_wait[second] = True
-    return raw, told_to_wait
+    return Says(refused, told_to_wait, kept)
 
 
-def decide(intersection: Map, traffic: Traffic, memory: Memory, raw: Booleans) -> Booleans:
-    """delta (vehicle,): raw, unless the vehicle had accepted and can no longer stop. Absent ones keep theirs."""
+def cannot_turn_back(intersection: Map, traffic: Traffic, memory: Memory, i: int) -> bool:
+    """Whether the vehicle goes, by its memory, and could not stop at its line any more."""
+    cannot_stop = distance_to_stop_line(intersection, traffic, i) < braking_distance(traffic, i)
+    return bool(memory.delta[i]) and cannot_stop
+
+
+def decide(intersection: Map, traffic: Traffic, memory: Memory, says: Says) -> Booleans:
+    """delta (vehicle,): what the pairs say, unless the vehicle goes and can no longer stop. Absent ones keep theirs."""
     delta = memory.delta.copy()
     for i in np.flatnonzero(memory.present).tolist():
-        cannot_stop = distance_to_stop_line(intersection, traffic, i) < braking_distance(traffic, i)
-        delta[i] = raw[i] or (memory.delta[i] and cannot_stop)
+        delta[i] = not (says.refused[i] or says.kept[i]) or cannot_turn_back(intersection, traffic, memory, i)
     return delta
 
 
-def holds(intersection: Map, traffic: Traffic, memory: Memory, delta: Booleans, told_to_wait: Booleans) -> Integers:
+def holds(intersection: Map, traffic: Traffic, memory: Memory, delta: Booleans, says: Says) -> Integers:
     """The new hold (vehicle,), from the new delta and the remembered holds. Absent ones keep theirs."""
     result = memory.hold.copy()
     for i in np.flatnonzero(memory.present).tolist():
-        if delta[i]:
+        if delta[i] or not says.refused[i]:
             own = -1
-        elif told_to_wait[i]:
+        elif says.told_to_wait[i]:
             own = len(intersection.routes)
         else:
             own = int(traffic.route[i])
@@ -451,25 +465,81 @@ def holds(intersection: Map, traffic: Traffic, memory: Memory, delta: Booleans, 
 # Driving
 
 
-def idm(speed: float, speed_limit: float, gap: float, lead_speed: float) -> float:
+@dataclass(frozen=True)
+class Idm:
+    """Parameters; lateral: [m/s²], None where curves slow nobody."""
+
+    standstill_gap: float = 1.5
+    headway: float = 1.0
+    acceleration: float = 2.5
+    deceleration: float = 4.0
+    hardest_braking: float = 8.0
+    speed_share: float = 1.0
+    lateral: float | None = None
+
+
+PAPER_IDM = Idm()
+
+
+def idm(speed: float, free_speed: float, gap: float, lead_speed: float, p: Idm = PAPER_IDM) -> float:
     """The acceleration [m/s²] behind one lead, not yet limited."""
-    approach = speed * (speed - lead_speed) / (2 * math.sqrt(IDM_ACCELERATION * IDM_DECELERATION))
-    desired = STANDSTILL_GAP + max(0.0, speed * HEADWAY + approach)
-    return IDM_ACCELERATION * (1 - (speed / speed_limit) ** 4 - (desired / max(gap, 0.1)) ** 2)
+    approach = speed * (speed - lead_speed) / (2 * math.sqrt(p.acceleration * p.deceleration))
+    desired = p.standstill_gap + max(0.0, speed * p.headway + approach)
+    return p.acceleration * (1 - (speed / free_speed) ** 4 - (desired / max(gap, 0.1)) ** 2)
 
 
-def drive(features: Floats, driver: Driver, network: Network | None) -> float:
-    """The acceleration [m/s²] of one vehicle; features: (12,)."""
+def free_speeds(intersection: Map, route: int, p: Idm) -> Floats:
+    """(sample,): how fast the IDM goes with nobody ahead, so slowly into curves that it can brake for them by b."""
+    samples = intersection.routes[route].samples
+    allowed = p.speed_share * samples[:, V_MAX]
+    if p.lateral is None:
+        return np.asarray(allowed)
+    behind, ahead = (SAMPLE_FIELDS.index(name) for name in ("h-3", "h3"))
+    curvature = np.maximum(np.abs(samples[:, ahead] - samples[:, behind]), 1e-4) / 6.0
+    allowed = np.minimum(allowed, np.sqrt(p.lateral / curvature))
+    along = np.arange(len(allowed)) * intersection.spacing
+    return np.array(
+        [np.sqrt(allowed[k:] ** 2 + 2 * p.deceleration * (along[k:] - along[k])).min() for k in range(len(allowed))]
+    )
+
+
+def free_speed(intersection: Map, traffic: Traffic, i: int, p: Idm) -> float:
+    """The table's at the vehicle's centre, or the vehicle's own top speed."""
+    table = free_speeds(intersection, int(traffic.route[i]), p)
+    along = np.arange(len(table)) * intersection.spacing
+    return float(min(np.interp(traffic.position[i], along, table), traffic.max_speed[i]))
+
+
+def limited(features: Floats, wanted: float) -> float:
+    """What a network may do: stay able to stop behind its lead, and before a line that it must not cross."""
+    to_line, speed, lead_gap, lead_speed = (float(features[k]) for k in (0, 1, 9, 10))
+    lead_next = max(0.0, lead_speed - TIME_STEP * NETWORK_ACCELERATION)
+    lead_stops = TIME_STEP * (lead_speed + lead_next) / 2 + lead_next**2 / (2 * NETWORK_ACCELERATION)
+    bounds = [(lead_gap + lead_stops - 0.5, NETWORK_ACCELERATION)]
+    if features[DELTA] == 0 and to_line >= max(speed, 0.0) ** 2 / (2 * BRAKING) - 0.05:
+        bounds.append((to_line - 0.02, BRAKING))
+    allowed = wanted
+    for distance, b in bounds:
+        following = max(0.0, speed + TIME_STEP * wanted)
+        if TIME_STEP * (speed + following) / 2 + following**2 / (2 * b) > distance:
+            rest = distance - TIME_STEP * speed / 2
+            following = b * (math.sqrt(max(0.0, TIME_STEP**2 / 4 + 2 * rest / b)) - TIME_STEP / 2)
+            allowed = min(allowed, (following - speed) / TIME_STEP)
+    return allowed if allowed == wanted else max(allowed, -NETWORK_ACCELERATION)
+
+
+def drive(features: Floats, driver: Driver, network: Network | None, free: float, p: Idm = PAPER_IDM) -> float:
+    """The acceleration [m/s²] of one vehicle; features: (12,); free: the IDM's speed with nobody ahead [m/s]."""
     if driver == "constant_velocity":
         return 0.0
     if driver == "network":
         assert network is not None, "driver='network' needs driver_network"
-        return NETWORK_ACCELERATION * math.tanh(evaluate(network, features, "tanh"))
-    to_line, speed, limit = (float(x) for x in features[:3])
-    acceleration = idm(speed, limit, float(features[9]), float(features[10]))
+        return limited(features, NETWORK_ACCELERATION * math.tanh(evaluate(network, features, "tanh")))
+    to_line, speed = float(features[0]), float(features[1])
+    acceleration = idm(speed, free, float(features[9]), float(features[10]), p)
     if features[DELTA] == 0:
-        acceleration = min(acceleration, idm(speed, limit, to_line, 0.0))
-    return min(max(acceleration, HARDEST_BRAKING), IDM_ACCELERATION)
+        acceleration = min(acceleration, idm(speed, free, to_line, 0.0, p))
+    return min(max(acceleration, -p.hardest_braking), p.acceleration)
 
 
 def advance(intersection: Map, traffic: Traffic, present: Booleans, wanted: Floats) -> tuple[Traffic, Booleans, Floats]:
@@ -494,6 +564,7 @@ def predict(
     driver: Driver = "idm",
     gap_network: Network | None = None,
     driver_network: Network | None = None,
+    idm_parameters: Idm = PAPER_IDM,
     delta: Booleans | None = None,
     steps: int = STEPS,
 ) -> Prediction:
@@ -508,11 +579,22 @@ def predict(
     presences = [memory.present]
     for step in range(steps):
         observation = observe(intersection, traffic, memory, pairs)
-        raw, told_to_wait = say(intersection, traffic, memory, chooser, observation)
-        decided = decide(intersection, traffic, memory, raw) if delta is None else delta[step].astype(np.bool_)
-        hold = holds(intersection, traffic, memory, decided, told_to_wait)
+        says = say(intersection, traffic, memory, chooser, observation)
+        decided = decide(intersection, traffic, memory, says) if delta is None else delta[step].astype(np.bool_)
+        hold = holds(intersection, traffic, memory, decided, says)
         observation.driving[:, DELTA] = decided
-        wanted = np.array([drive(features, driver, driver_network) for features in observation.driving])
+        wanted = np.array(
+            [
+                drive(
+                    features,
+                    driver,
+                    driver_network,
+                    free_speed(intersection, traffic, i, idm_parameters) if driver == "idm" else 0.0,
+                    idm_parameters,
+                )
+                for i, features in enumerate(observation.driving)
+            ]
+        )
         traffic, present, acceleration = advance(intersection, traffic, memory.present, wanted)
         memory = Memory(present, decided, hold)
         states.append(traffic)

@@ -25,6 +25,7 @@ from tests.reference import (
     Memory,
     Network,
     Observation,
+    Says,
     Traffic,
     accepts_gap,
     body_distance,
@@ -190,10 +191,10 @@ def decided(
     memory = Memory(np.ones(len(traffic.route), np.bool_), delta, hold)
     chooser = Chooser(pairs, np.zeros(len(pairs), np.int64), rules.gap, rules.network)
     seen = observe(intersection, traffic, memory, pairs)
-    raw, told_to_wait = say(intersection, traffic, memory, chooser, seen)
-    enters = decide(intersection, traffic, memory, raw)
+    says = say(intersection, traffic, memory, chooser, seen)
+    enters = decide(intersection, traffic, memory, says)
     seen.driving[:, DELTA] = enters
-    return State(traffic, enters, holds(intersection, traffic, memory, enters, told_to_wait)), seen
+    return State(traffic, enters, holds(intersection, traffic, memory, enters, says)), seen
 
 
 def moved(intersection: Map, traffic: Traffic, acceleration: Floats) -> tuple[Traffic, Booleans]:
@@ -458,15 +459,17 @@ def actor_decides(
     delta = np.full(len(here), remembered)
     may_lead = np.array([not was_behind(recording, k, actor) for k in here])
     seen = observe(intersection, traffic, Memory(may_lead, delta, hold), pairs)
-    raw = np.ones(len(here), np.bool_)
+    refused = np.zeros(len(here), np.bool_)
     for pair, features in zip(pairs, seen.gap, strict=True):
         if not is_active(intersection, traffic, np.ones(len(here), np.bool_), pair, 0):
             continue
         if rules is None:
-            raw[me] &= yielder_was_first(recording, actor, here[pair[1]])
+            refused[me] |= not yielder_was_first(recording, actor, here[pair[1]])
         else:
-            raw[me] &= accepts_gap(intersection, traffic, pair, features, hold, rules.gap, rules.network)
-    seen.driving[me, DELTA] = decide(intersection, traffic, Memory(np.ones(len(here), np.bool_), delta, hold), raw)[me]
+            refused[me] |= not accepts_gap(intersection, traffic, pair, features, hold, rules.gap, rules.network)
+    nobody = np.zeros(len(here), np.bool_)
+    memory = Memory(~nobody, delta, hold)
+    seen.driving[me, DELTA] = decide(intersection, traffic, memory, Says(refused, nobody, nobody))[me]
     return bool(seen.driving[me, DELTA]), np.asarray(seen.driving[me])
 
 

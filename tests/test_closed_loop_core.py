@@ -92,7 +92,7 @@ def test_twin_driven_by_idm_goes_as_the_twin_predicts(name: str) -> None:
 
 def idm_action(observation: NDArray[Any]) -> NDArray[np.float64]:
     """(vehicle,): what IDM does at an observation (vehicle, 12), never into reverse, as a share of 6 m/s²."""
-    wanted = [reference.drive(features.astype(np.float64), "idm", None) for features in observation]
+    wanted = [reference.drive(features.astype(np.float64), "idm", None, float(features[2])) for features in observation]
     return np.maximum(wanted, -observation[:, 1] / reference.TIME_STEP) / reference.NETWORK_ACCELERATION
 
 
@@ -121,7 +121,7 @@ def visited(name: str, gap: str, seed: int) -> tuple[list[State], list[NDArray[n
 def invented(name: str, rules: Rules, seed: int) -> tuple[list[State], list[NDArray[np.float64]]]:
     """States that no driver need have come to, backwards and with any memories; and random actions."""
     generator = np.random.default_rng(seed)
-    states = [random_state(name, generator, 8, rules) for _ in range(60 * CASES)]
+    states = [random_state(name, generator, 8, rules) for _ in range(90 * CASES)]
     actions = [generator.uniform(-1, 1, 8) * generator.choice([0.05, 0.5, 1.0]) for _ in states]
     return states, [action.astype(np.float32).astype(np.float64) for action in actions]
 

@@ -106,15 +106,17 @@ def test_ten_lines_of_the_documentation_compile_and_run(prefix: Path, tmp_path: 
 
 
 def test_a_planners_cycle_allocates_nothing(prefix: Path, tmp_path: Path) -> None:
+    """Alone and with a second thread."""
     program = (ROOT / "tests" / "cpp" / "allocations.cpp").read_text()
     executable = built_alone(program, tmp_path, prefix)
     share = prefix / "share" / "intersection_env"
     files = [share / "maps" / "bendplatz.map", share / "policies" / "gap.policy"]
-    done = subprocess.run([executable, *files], capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
-    count, scenarios = re.findall(r"\d+", done.stdout)
-    assert int(scenarios) > 3
-    assert int(count) == 0
+    for threads in ("1", "2"):
+        done = subprocess.run([executable, *files, threads], capture_output=True, text=True, check=False)
+        assert done.returncode == 0, done.stderr
+        count, scenarios = re.findall(r"\d+", done.stdout)
+        assert int(scenarios) > 32
+        assert int(count) == 0
 
 
 def test_installed_headers_and_files_are_those_that_are_documented(prefix: Path) -> None:

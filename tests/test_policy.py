@@ -40,7 +40,7 @@ def test_floats_keep_every_bit() -> None:
 
 def test_policy_file_round_trip_is_exact(tmp_path: Path) -> None:
     gap, driving = random_networks(np.random.default_rng(1))
-    written = PolicyFile("network", "network", weights(gap), weights(driving), 5.5, {"made_by": "a test", "score": 0.1})
+    written = PolicyFile("network", "network", weights(gap), weights(driving), 5.5, about={"made_by": "a test", "score": 0.1})
     written.save(tmp_path / "a.policy")
     read = PolicyFile.read(tmp_path / "a.policy")
     assert read.text() == written.text()

@@ -87,6 +87,7 @@ def small(monkeypatch: pytest.MonkeyPatch) -> None:
         "SIZES": range(2, 4),
         "SECONDS": 1e-6,
         "LATENCY_CALLS": 1000,
+        "FLIPPED": 20,
         "ORDERS": (100,),
     }.items():
         monkeypatch.setattr(predictor_bench, name, value)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import copy
-import warnings
 from collections.abc import Callable
 from typing import Any
 
@@ -13,6 +12,7 @@ import torch
 from tensordict import TensorDict, TensorDictBase
 from tensordict.nn import TensorDictModule
 from torch import Tensor
+from torchrl.collectors import Collector
 from torchrl.envs import PettingZooWrapper, TransformedEnv
 from torchrl.envs.transforms import RewardSum
 from torchrl.envs.utils import check_env_specs
@@ -21,15 +21,10 @@ from torchrl.objectives import ClipPPOLoss
 from torchrl.objectives.value import GAE
 
 from agents.driving import Driver, DrivingNetwork
+from agents.rollouts import RolloutCollector, Rollouts
 from agents.worlds import ClosedLoopEnv, ReplayEnv
 from intersection_env import parallel_env
 from intersection_env.worlds import ClosedLoopWorlds, ReplayWorlds
-
-with warnings.catch_warnings():  # TorchRL's own, on importing its collectors
-    warnings.filterwarnings("ignore", ".* which inherits from WeightUpdaterBase", DeprecationWarning)
-    from torchrl.collectors import Collector
-
-    from agents.rollouts import RolloutCollector, Rollouts
 
 Env = ClosedLoopEnv | ReplayEnv
 GAMMA, LAMBDA = 0.99, 0.9
@@ -574,7 +569,7 @@ def test_hooks_run_around_each_batch() -> None:
     [
         ({"frames_per_batch": 100}, ValueError, "multiple of the 96 agents"),
         ({"frames_per_batch": 0}, ValueError, "multiple"),
-        ({"total_frames": -1}, ValueError, "total_frames"),
+        ({"total_frames": 0}, ValueError, "total_frames"),
         ({"max_frames_per_traj": 100}, ValueError, "max_frames_per_traj"),
         ({"policy_device": "cuda"}, ValueError, "policy_device"),
         ({"frame_skip": 2}, TypeError, "frame_skip"),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import gymnasium
@@ -14,7 +15,10 @@ from torch import nn
 from torchrl.envs import PettingZooWrapper
 from torchrl.envs.utils import check_env_specs
 
+import agents.gap
 import intersection_env
+from agents.gap import GapSettings
+from tests.training import small_scenes
 
 REPLAY = "intersection_env/Replay-v0"
 
@@ -107,6 +111,17 @@ def test_a_cleanrl_style_ppo_loop_runs_on_the_replay(mode: str) -> None:
     envs.close()
     assert np.isfinite(losses).all()
     assert episodes > 0
+
+
+def test_gap_training_writes_a_policy_that_loads(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    small_scenes("train", "development").save(tmp_path / "scenes.npz")
+    settings = GapSettings(scenes=tmp_path / "scenes.npz", run=tmp_path / "run", epochs=3)
+    assert agents.gap.main(settings) == 0
+    path = tmp_path / "run" / "gap.policy"
+    assert f"written: {path}" in capsys.readouterr().out
+    policy = intersection_env.Predictor.load(path).policy
+    assert policy.gap_network is not None
+    assert policy.about["settings"] == settings.decisive()
 
 
 @pytest.mark.filterwarnings("ignore:PettingZoo in TorchRL:UserWarning")  # theirs: they test another version

@@ -402,6 +402,7 @@ NB_MODULE(_core, m) {
     m.attr("DT") = DT;
     m.attr("STEPS") = STEPS;
     m.attr("MAX_VEHICLES") = MAX_VEHICLES;
+    m.attr("MOST_THREADS") = MOST_THREADS;
     m.attr("BRAKING") = BRAKING;
     m.attr("LEAST_SIZE") = LEAST_SIZE;
     m.attr("MOST_LENGTH") = MOST_LENGTH;
@@ -538,7 +539,7 @@ NB_MODULE(_core, m) {
              "(row,): the driving network's output before its last tanh.");
 
     nb::class_<Predictor>(m, "Predictor")
-        .def(nb::init<std::shared_ptr<const Map>, Policy>(), "map"_a, "policy"_a)
+        .def(nb::init<std::shared_ptr<const Map>, Policy, int>(), "map"_a, "policy"_a, "threads"_a = 1)
         .def("observe", &observe, "traffic"_a,
              "driving (vehicle, 12) and gap (pair, 4) features, and which pairs' gaps are accepted (pair,).")
         .def("predict", &predict, "traffic"_a, "assignments"_a.noconvert(), "trajectories"_a, "safety"_a,

@@ -73,7 +73,21 @@ void LaneTables::fill_candidates(const std::vector<ProblemVehicle>& vehicles,
     }
 }
 
+// The pairs come sorted by yielder.
+void LaneTables::order_pairs(const std::vector<ProblemPair>& pairs) {
+    pair_.clear();
+    for (std::size_t turn = 0; pair_.size() < pairs.size(); ++turn) {
+        for (std::size_t k = 0, first = 0; k < pairs.size(); ++k) {
+            first = pairs[k].yielder == pairs[first].yielder ? first : k;
+            if (k - first == turn) {
+                pair_.push_back(static_cast<std::int32_t>(k));
+            }
+        }
+    }
+}
+
 void LaneTables::fill_pairs(const std::vector<ProblemVehicle>& vehicles, const std::vector<ProblemPair>& pairs) {
+    order_pairs(pairs);
     const std::size_t size = at(padded_pairs_);
     for (auto* one : {&yielder_, &prioritized_, &yielder_route_, &merging_}) {
         one->assign(size, 0);
@@ -84,7 +98,7 @@ void LaneTables::fill_pairs(const std::vector<ProblemVehicle>& vehicles, const s
     yielder_end_.assign(size, -FAR); // before every position: never active
     prioritized_end_.assign(size, -FAR);
     for (std::size_t k = 0; k < pairs.size(); ++k) {
-        const ProblemPair& pair = pairs[k];
+        const ProblemPair& pair = pairs[at(pair_[k])];
         const ProblemVehicle &i = vehicles[at(pair.yielder)], &j = vehicles[at(pair.prioritized)];
         yielder_[k] = pair.yielder;
         prioritized_[k] = pair.prioritized;
@@ -120,6 +134,7 @@ LaneProblem LaneTables::problem() const {
             merge_.data(),
             offset_.data(),
             other_half_length_.data(),
+            pair_.data(),
             yielder_.data(),
             prioritized_.data(),
             yielder_route_.data(),

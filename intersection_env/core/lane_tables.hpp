@@ -17,6 +17,7 @@ class LaneTables {
   private:
     void fill_vehicles(const std::vector<ProblemVehicle>& vehicles);
     void fill_candidates(const std::vector<ProblemVehicle>& vehicles, const std::vector<LeadCandidate>& candidates);
+    void order_pairs(const std::vector<ProblemPair>& pairs);
     void fill_pairs(const std::vector<ProblemVehicle>& vehicles, const std::vector<ProblemPair>& pairs);
 
     int vehicles_ = 0, padded_vehicles_ = 0, candidates_ = 0, padded_pairs_ = 0;
@@ -24,7 +25,7 @@ class LaneTables {
     LaneVector<std::int32_t> first_row_, route_, committed_;
     LaneVector<std::int32_t> other_, other_stop_lane_;
     LaneVector<float> split_, merge_, offset_, other_half_length_;
-    LaneVector<std::int32_t> yielder_, prioritized_, yielder_route_, merging_;
+    LaneVector<std::int32_t> pair_, yielder_, prioritized_, yielder_route_, merging_;
     LaneVector<float> yielder_end_, prioritized_end_, yielder_half_length_, prioritized_half_length_;
     LaneVector<float> yielder_stop_line_, prioritized_stop_line_;
 };

@@ -56,8 +56,9 @@ Traffic traffic_of(const Map& map, std::span<const Vehicle> vehicles) {
     return traffic;
 }
 
-Planner::Planner(Map map, Policy policy)
-    : predictor_(std::make_shared<const Predictor>(std::make_shared<const Map>(std::move(map)), std::move(policy))) {}
+Planner::Planner(Map map, Policy policy, int threads)
+    : predictor_(
+          std::make_shared<const Predictor>(std::make_shared<const Map>(std::move(map)), std::move(policy), threads)) {}
 
 const Map& Planner::map() const { return predictor_->map(); }
 const Policy& Planner::policy() const { return predictor_->policy(); }

@@ -52,7 +52,9 @@ struct Prediction {
 // Never changes once it is made: threads may share one and call it at the same time.
 class Planner {
   public:
-    Planner(Map map, Policy policy);
+    // threads: how many share a batch of many scenarios, 0: one a core; they do not change what comes out. They help
+    // one caller at a time; whoever calls meanwhile works alone.
+    Planner(Map map, Policy policy, int threads = 1);
 
     const Map& map() const;
     const Policy& policy() const;

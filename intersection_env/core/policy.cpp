@@ -73,6 +73,14 @@ Network<INPUTS> read_network(TextReader& reader, const std::array<std::string_vi
     return network;
 }
 
+IdmParameters read_idm(TextReader& reader) {
+    const std::vector<float> row = reader.floats("idm", 7);
+    if (!std::ranges::all_of(row, [](float value) { return value > 0.0F && value <= NO_CURVES; })) {
+        reader.fail("the parameters of the IDM must be above 0 and at most " + std::to_string(NO_CURVES));
+    }
+    return {row[0], row[1], row[2], row[3], row[4], row[5], row[6]};
+}
+
 } // namespace
 
 Gap gap_named(std::string_view name) {
@@ -116,6 +124,9 @@ Policy Policy::parse(std::string text, std::string where) {
         policy.driver = driver_named(reader.word("driver"));
     } catch (const std::invalid_argument& error) {
         reader.fail(error.what());
+    }
+    if (policy.driver == Driver::idm) {
+        policy.idm = read_idm(reader);
     }
     if (policy.gap == Gap::network) {
         policy.gap_network = read_network<GAP_INPUTS>(reader, GAP_FEATURES);

@@ -44,13 +44,19 @@ using DrivingNetwork = Network<DRIVING_INPUTS>;
 enum class Gap : std::uint8_t { critical_gap, sumo, network };
 enum class Driver : std::uint8_t { idm, constant_velocity, network };
 
-// Intelligent Driver Model; defaults: paper, Section IV-C.2. The floor is ours: hardest braking [m/s²].
+constexpr float NO_CURVES = 1000.0F; // [m/s²], a lateral acceleration at which no curve slows anybody
+
+// Intelligent Driver Model; defaults: paper, Section IV-C.2. Ours: hardest braking, and how fast it goes where nobody
+// is ahead: at `speed_share` of v_max, and into curves so slowly that the lateral acceleration is what it says, braking
+// for them with `deceleration`.
 struct IdmParameters {
-    float standing_gap = 1.5F;       // s0 [m]
-    float time_gap = 1.0F;           // T [s]
-    float acceleration = 2.5F;       // a [m/s²]
-    float deceleration = 4.0F;       // b [m/s²]
-    float deceleration_limit = 8.0F; // [m/s²]
+    float standing_gap = 1.5F;              // s0 [m]
+    float time_gap = 1.0F;                  // T [s]
+    float acceleration = 2.5F;              // a [m/s²]
+    float deceleration = 4.0F;              // b [m/s²]
+    float deceleration_limit = 8.0F;        // [m/s²]
+    float speed_share = 1.0F;               // v_0 / v_max
+    float lateral_acceleration = NO_CURVES; // [m/s²]
 };
 
 struct Policy {

@@ -1,6 +1,8 @@
 #include "predictor.hpp"
 
 #include <algorithm>
+#include <atomic>
+#include <functional>
 #include <limits>
 #include <stdexcept>
 #include <string>
@@ -8,6 +10,7 @@
 #include "circles.hpp"
 #include "lane_tables.hpp"
 #include "orders.hpp"
+#include "threads.hpp"
 
 namespace intersection_env {
 namespace {
@@ -15,6 +18,28 @@ namespace {
 constexpr Interval EVERYWHERE{-FAR, FAR};
 
 std::size_t at(int index) { return static_cast<std::size_t>(index); }
+
+// One call's scenarios, and where their results go.
+struct Batch {
+    const Problem& problem;
+    std::span<const std::int8_t> assignments;
+    std::span<const std::uint8_t> decisions;
+    const Results& results;
+    int scenarios;
+
+    // `count` scenarios from `first` on.
+    BlockArguments part(int first, int count) const {
+        const std::size_t vehicles = at(problem.vehicle_count), frames = at(first) * (STEPS + 1) * vehicles;
+        const auto from = [frames](auto* values) { return values == nullptr ? nullptr : values + frames; };
+        const Trajectories& t = results.trajectories;
+        return {assignments.data() + at(first) * at(problem.pair_count),
+                decisions.empty() ? nullptr : decisions.data() + at(first) * STEPS * vehicles,
+                count,
+                {from(t.position), from(t.speed), from(t.acceleration), from(t.enters), from(t.present)},
+                results.time_loss + at(first) * vehicles,
+                results.minimum_distance == nullptr ? nullptr : results.minimum_distance + first};
+    }
+};
 
 } // namespace
 
@@ -26,17 +51,14 @@ struct Predictor::Bound {
     LaneTables lanes;
 };
 
-struct Predictor::Memory {
-    std::vector<Pair> pairs;
-    Completion completion;
-    Bound bound;
-    const Kernel* kernel = nullptr; // whose workspaces these are
+struct Predictor::Workspaces {
+    const Kernel* kernel = nullptr; // whose these are
     Workspace *block = nullptr, *single = nullptr;
 
-    Memory() = default;
-    Memory(const Memory&) = delete;
-    Memory& operator=(const Memory&) = delete;
-    ~Memory() { release(); }
+    Workspaces() = default;
+    Workspaces(const Workspaces&) = delete;
+    Workspaces& operator=(const Workspaces&) = delete;
+    ~Workspaces() { release(); }
 
     void serve(const Kernel& wanted) {
         if (kernel != &wanted) {
@@ -54,6 +76,48 @@ struct Predictor::Memory {
         }
         kernel = nullptr;
     }
+
+    // One block of the batch: its scenarios together, or one after the other where they are few.
+    void predict(const Batch& batch, int block_index) {
+        const int first = block_index * kernel->lanes;
+        const int count = std::min(kernel->lanes, batch.scenarios - first);
+        if (count >= kernel->worth_a_block) {
+            kernel->predict(batch.problem, batch.part(first, count), *block);
+            return;
+        }
+        for (int s = first; s < first + count; ++s) {
+            kernel->predict_single(batch.problem, batch.part(s, 1), *single);
+        }
+    }
+};
+
+struct Predictor::Memory {
+    std::vector<Pair> pairs;
+    Completion completion;
+    Bound bound;
+    Workspaces workspaces;
+};
+
+struct Predictor::Crew {
+    explicit Crew(int count) : threads(count), workspaces(at(threads.count())) {}
+
+    Threads threads;
+    std::vector<Workspaces> workspaces; // one a thread
+    std::atomic_flag busy;
+
+    // False where they help another caller at this moment.
+    bool predict(const Batch& batch, int blocks, const Kernel& kernel) {
+        const Attempt attempt(busy);
+        if (!attempt.succeeded()) {
+            return false;
+        }
+        for (Workspaces& one : workspaces) {
+            one.serve(kernel);
+        }
+        const auto work = [&](int block, int thread) { workspaces[at(thread)].predict(batch, block); };
+        threads.share(blocks, std::ref(work)); // a copy would be allocated
+        return true;
+    }
 };
 
 Predictor::Memory& Predictor::memory() {
@@ -61,13 +125,16 @@ Predictor::Memory& Predictor::memory() {
     return memory;
 }
 
-Predictor::Predictor(std::shared_ptr<const Map> map, Policy policy)
-    : map_(std::move(map)), policy_(std::move(policy)), tables_(*map_) {
+Predictor::Predictor(std::shared_ptr<const Map> map, Policy policy, int threads)
+    : map_(std::move(map)), policy_(std::move(policy)), tables_(*map_, policy_.idm),
+      crew_(threads == 1 ? nullptr : std::make_unique<Crew>(threads)) {
     if ((policy_.gap == Gap::network && !policy_.gap_network) ||
         (policy_.driver == Driver::network && !policy_.driving_network)) {
         throw std::invalid_argument("the policy names a network that it does not hold");
     }
 }
+
+Predictor::~Predictor() = default;
 
 void Predictor::add_candidates(const Traffic& traffic, int i, Bound& bound) const {
     const int route = traffic.route[at(i)];
@@ -170,10 +237,10 @@ void Predictor::observe(const Traffic& traffic, float* driving, float* gap, std:
                         const Kernel& kernel) const {
     check(*map_, traffic);
     Memory& own = memory();
-    own.serve(kernel);
+    own.workspaces.serve(kernel);
     find_open_pairs(traffic, own.pairs);
     bind(traffic, own.pairs, own.bound);
-    kernel.observe(problem(own.bound), {driving, gap, accepts}, *own.block);
+    kernel.observe(problem(own.bound), {driving, gap, accepts}, *own.workspaces.block);
 }
 
 void Predictor::find_open_pairs(const Traffic& traffic, std::vector<Pair>& pairs) const {
@@ -188,7 +255,6 @@ void Predictor::predict(const Traffic& traffic, std::span<std::int8_t> assignmen
                         std::span<const std::uint8_t> decisions, const Results& results, const Kernel& kernel) const {
     check(*map_, traffic);
     Memory& own = memory();
-    own.serve(kernel);
     find_open_pairs(traffic, own.pairs);
     const std::vector<Pair>& pairs = own.pairs;
     const std::size_t pair_count = pairs.size(), vehicles = at(traffic.count());
@@ -203,22 +269,13 @@ void Predictor::predict(const Traffic& traffic, std::span<std::int8_t> assignmen
     }
     bind(traffic, pairs, own.bound);
     const Problem shared = problem(own.bound);
-    for (int first = 0; first < scenarios;) {
-        const std::size_t frames = at(first) * (STEPS + 1) * vehicles;
-        const auto from = [frames](auto* values) { return values == nullptr ? nullptr : values + frames; };
-        const Trajectories& t = results.trajectories;
-        const bool together = scenarios - first >= kernel.worth_a_block;
-        const int count = together ? std::min(kernel.lanes, scenarios - first) : 1;
-        (together ? kernel.predict : kernel.predict_single)(
-            shared,
-            {assignments.data() + at(first) * pair_count,
-             decisions.empty() ? nullptr : decisions.data() + at(first) * STEPS * vehicles,
-             count,
-             {from(t.position), from(t.speed), from(t.acceleration), from(t.enters), from(t.present)},
-             results.time_loss + at(first) * vehicles,
-             results.minimum_distance == nullptr ? nullptr : results.minimum_distance + first},
-            together ? *own.block : *own.single);
-        first += count;
+    const Batch batch{shared, assignments, decisions, results, scenarios};
+    const int blocks = (scenarios + kernel.lanes - 1) / kernel.lanes;
+    if (crew_ == nullptr || blocks <= 1 || !crew_->predict(batch, blocks, kernel)) {
+        own.workspaces.serve(kernel);
+        for (int block = 0; block < blocks; ++block) {
+            own.workspaces.predict(batch, block);
+        }
     }
     if (results.minimum_distance != nullptr) {
         std::replace_if(

@@ -21,10 +21,14 @@ struct Results {
     float* minimum_distance = nullptr; // (scenario,) [m], infinite where no two vehicles can touch
 };
 
-// Only the first predictions of a thread allocate memory, and those of a larger traffic than any before; nothing locks.
+// Only the first predictions of a thread allocate memory, and those of a larger traffic than any before. Any number of
+// threads may call one predictor at the same time; none waits for another.
 class Predictor {
   public:
-    Predictor(std::shared_ptr<const Map> map, Policy policy);
+    // threads: how many share a batch of several blocks, 0: one a core; they do not change what comes out. They help
+    // one caller at a time; whoever calls meanwhile works alone. Throws std::invalid_argument for a count out of range.
+    Predictor(std::shared_ptr<const Map> map, Policy policy, int threads = 1);
+    ~Predictor();
 
     const Map& map() const { return *map_; }
     const Policy& policy() const { return policy_; }
@@ -40,8 +44,10 @@ class Predictor {
     void observe(const Traffic& traffic, float* driving, float* gap, std::uint8_t* accepts, const Kernel& kernel) const;
 
   private:
-    struct Bound;  // a Problem and what it points to
-    struct Memory; // what a thread keeps from one prediction to the next
+    struct Bound;      // a Problem and what it points to
+    struct Workspaces; // the kernel's own memory for one thread
+    struct Memory;     // what a calling thread keeps from one prediction to the next
+    struct Crew;       // the threads that help with a large batch
     static Memory& memory();
     void find_open_pairs(const Traffic& traffic, std::vector<Pair>& pairs) const;
     void bind(const Traffic& traffic, std::span<const Pair> pairs, Bound& bound) const;
@@ -52,6 +58,7 @@ class Predictor {
     std::shared_ptr<const Map> map_;
     Policy policy_;
     RouteTables tables_;
+    std::unique_ptr<Crew> crew_; // null: every caller works alone
 };
 
 } // namespace intersection_env

@@ -60,7 +60,8 @@ struct LaneProblem {
     // (candidate, vehicle)
     const std::int32_t *other, *other_stop_lane; // the latter: 0 where the stop lanes are the same, else -1
     const float *split, *merge, *offset, *other_half_length;
-    // (pair,)
+    // (pair,), first one of each yielder, then a second one, and so on: who is refused early need not be asked again
+    const std::int32_t* pair; // its index in Problem::pairs
     const std::int32_t *yielder, *prioritized, *yielder_route, *merging;
     const float *yielder_end, *prioritized_end, *yielder_half_length, *prioritized_half_length;
     const float *yielder_stop_line, *prioritized_stop_line;

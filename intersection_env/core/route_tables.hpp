@@ -4,14 +4,15 @@
 #include <vector>
 
 #include "map.hpp"
+#include "policy.hpp"
 
 namespace intersection_env {
 
 struct RouteTables {
-    explicit RouteTables(const Map& map);
+    explicit RouteTables(const Map& map, const IdmParameters& idm = {});
 
     std::vector<int> first_row;  // (route,)
-    std::vector<float> observed; // (row, OBSERVED_COLUMNS): v_max, six relative headings, 0
+    std::vector<float> observed; // (row, OBSERVED_COLUMNS): the IDM's free speed, v_max, six relative headings
     std::vector<float> pose;     // (row, POSE_COLUMNS): x, y, heading, 0
 };
 

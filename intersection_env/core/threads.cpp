@@ -12,12 +12,6 @@
 #include <unistd.h>
 
 namespace intersection_env {
-namespace {
-
-constexpr int MOST_THREADS = 256; // ours
-
-} // namespace
-
 struct Threads::Pool {
     std::vector<std::thread> workers;
     std::mutex mutex;
@@ -125,8 +119,8 @@ void Threads::share(int items, const std::function<void(int, int)>& work) {
     pool.end.wait(lock, [&] { return pool.busy == 0; });
 }
 
-Claim::Claim(std::atomic_flag& held) : held_(held) {
-    if (held_.test_and_set()) {
+Claim::Claim(std::atomic_flag& held) : attempt_(held) {
+    if (!attempt_.succeeded()) {
         throw std::runtime_error("another thread is using these worlds at this moment; give each thread its own");
     }
 }

@@ -7,6 +7,8 @@
 
 namespace intersection_env {
 
+constexpr int MOST_THREADS = 256; // ours
+
 class Threads {
   public:
     // count: 1 works in the caller's thread alone; 0 takes one a core of the machine. Throws std::invalid_argument.
@@ -26,16 +28,32 @@ class Threads {
     std::unique_ptr<Pool> pool_;
 };
 
+// Holds an object for one caller, if no other thread holds it at this moment.
+class Attempt {
+  public:
+    explicit Attempt(std::atomic_flag& held) : held_(held), succeeded_(!held.test_and_set()) {}
+    ~Attempt() {
+        if (succeeded_) {
+            held_.clear();
+        }
+    }
+    Attempt(const Attempt&) = delete;
+    Attempt& operator=(const Attempt&) = delete;
+
+    bool succeeded() const { return succeeded_; }
+
+  private:
+    std::atomic_flag& held_;
+    bool succeeded_;
+};
+
 // Holds an object for one caller. Throws std::runtime_error where another thread holds it already.
 class Claim {
   public:
     explicit Claim(std::atomic_flag& held);
-    ~Claim() { held_.clear(); }
-    Claim(const Claim&) = delete;
-    Claim& operator=(const Claim&) = delete;
 
   private:
-    std::atomic_flag& held_;
+    Attempt attempt_;
 };
 
 } // namespace intersection_env

@@ -27,7 +27,7 @@ constexpr float SHARED_ENTRY = 3.0F;
 // The map, row by row, for lanes that each have a route of their own. Pointers only, as the kernel wants it.
 struct Tables {
     const Map* map;
-    const float* observed; // (row, OBSERVED_COLUMNS): v_max, six relative headings, 0
+    const float* observed; // (row, OBSERVED_COLUMNS)
     const float* points;   // (row, 4): x, y, and how much they grow to the next row
     const float* routes;   // (route, ROUTE_COLUMNS)
     const float* pairs;    // (route, route, PAIR_COLUMNS)

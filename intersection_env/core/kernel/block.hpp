@@ -11,6 +11,7 @@ struct Seen {
     Floats lead_distance, lead_speed;
     Ints queue;   // the remembered hold of the lead in the same stop lane, else -1
     Ints refused; // mask
+    Ints kept;    // mask: waits for a vehicle under way that yields to it
 };
 
 struct VehicleLanes : Seen {
@@ -18,9 +19,10 @@ struct VehicleLanes : Seen {
     Ints delta, hold; // the memories of the model; delta is a mask
 
     Floats front, rear, distance_to_stop_line, braking_distance;
-    Floats environment[8]; // v_max, six relative headings, nothing
+    Floats environment[8]; // the IDM's free speed, v_max, six relative headings
 
-    Floats v_max() const { return environment[0]; }
+    Floats free_speed() const { return environment[0]; }
+    Floats v_max() const { return environment[1]; }
 };
 
 } // namespace intersection_env::INTERSECTION_ENV_ISA

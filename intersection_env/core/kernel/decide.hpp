@@ -56,12 +56,16 @@ inline Ints accepts_gap(Gap gap, const GapNetwork* network, const Encounter& e) 
     return evaluate<GAP_INPUTS>(*network, input, LeakyRelu{}) > 0.0F;
 }
 
-// After all pairs: the decision that holds, and whom it holds up. waits: the hold of a vehicle that waits.
+// Mask: the vehicle has decided to enter and can no longer stop, whatever its pairs say.
+inline Ints settled(const VehicleLanes& vehicle) {
+    return vehicle.delta & (vehicle.distance_to_stop_line < vehicle.braking_distance);
+}
+
+// After all pairs: the decision that holds, and whom it holds up. waits: the hold of a vehicle that is refused.
 inline void decide_vehicle(VehicleLanes& vehicle, Ints waits) {
-    const Ints cannot_stop = vehicle.distance_to_stop_line < vehicle.braking_distance;
-    vehicle.delta = ~vehicle.refused | (vehicle.delta & cannot_stop);
+    vehicle.delta = ~(vehicle.refused | vehicle.kept) | settled(vehicle);
     const Ints queue = vehicle.distance_to_stop_line >= 0.0F ? vehicle.queue : all_ints(-1);
-    vehicle.hold = most(vehicle.delta ? all_ints(-1) : waits, queue);
+    vehicle.hold = most(vehicle.refused & ~vehicle.delta ? waits : all_ints(-1), queue);
 }
 
 } // namespace intersection_env::INTERSECTION_ENV_ISA

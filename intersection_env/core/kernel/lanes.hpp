@@ -5,6 +5,8 @@
 
 #if defined(__x86_64__)
 #include <immintrin.h>
+#elif defined(__aarch64__)
+#include <arm_neon.h>
 #endif
 
 namespace intersection_env::INTERSECTION_ENV_ISA {
@@ -30,6 +32,31 @@ inline Ints most(Ints a, Ints b) { return a > b ? a : b; }
 inline Floats magnitude(Floats x) { return x < 0.0F ? -x : x; }
 inline Floats as_floats(Ints x) { return __builtin_convertvector(x, Floats); }
 inline Ints as_ints(Floats x) { return __builtin_convertvector(x, Ints); }
+
+// a b + c, rounded once; twice on the baseline of x86-64, which cannot do otherwise.
+inline Floats fused(Floats a, Floats b, Floats c) {
+#if defined(__AVX512F__)
+    return _mm512_fmadd_ps(a, b, c);
+#elif defined(__AVX2__)
+    return _mm256_fmadd_ps(a, b, c);
+#elif defined(__aarch64__)
+    return reinterpret_cast<Floats>(vfmaq_f32(reinterpret_cast<float32x4_t>(c), reinterpret_cast<float32x4_t>(a),
+                                              reinterpret_cast<float32x4_t>(b)));
+#else
+    return a * b + c;
+#endif
+}
+
+// The polynomial of these coefficients, the last one that of the highest power.
+template <int COUNT>
+inline Floats polynomial(Floats x, const float (&coefficients)[COUNT]) {
+    Floats sum = all(coefficients[COUNT - 1]);
+#pragma GCC unroll 8
+    for (int k = COUNT - 2; k >= 0; --k) {
+        sum = fused(sum, x, all(coefficients[k]));
+    }
+    return sum;
+}
 
 constexpr unsigned EVERY = (1U << WIDTH) - 1; // one bit a lane, all set
 
@@ -71,25 +98,23 @@ inline Floats root(Floats x) {
 #endif
 }
 
-// Two tanh for one division, within 5e-7: a rational function of degree 7/8, fitted by us to [-7.9, 7.9].
+// Two tanh for one division, within 5e-7, which may lie beyond 1: a rational function of degree 7/8, fitted by us to
+// [-7.9, 7.9].
 inline void tanh_both(Floats& x, Floats& y) {
     const auto clipped = [](Floats z) { return least(most(z, all(-7.9F)), all(7.9F)); };
-    const auto above = [](Floats z, Floats q) {
-        return z * (0.999999404F + q * (0.129226863F + q * (0.00294851186F + q * 1.14146796e-05F)));
-    };
-    const auto below = [](Floats q) {
-        return 1.0F + q * (0.462558061F + q * (0.0238035135F + q * (0.000238395427F + q * 2.45724124e-07F)));
-    };
+    constexpr float ABOVE[] = {0.999999404F, 0.129226863F, 0.00294851186F, 1.14146796e-05F};
+    constexpr float BELOW[] = {1.0F, 0.462558061F, 0.0238035135F, 0.000238395427F, 2.45724124e-07F};
     const Floats u = clipped(x), v = clipped(y), p = u * u, q = v * v;
-    const Floats below_u = below(p), below_v = below(q), inverse = 1.0F / (below_u * below_v);
-    x = least(most(above(u, p) * (below_v * inverse), all(-1.0F)), all(1.0F));
-    y = least(most(above(v, q) * (below_u * inverse), all(-1.0F)), all(1.0F));
+    const Floats below_u = polynomial(p, BELOW), below_v = polynomial(q, BELOW), inverse = 1.0F / (below_u * below_v);
+    x = (u * polynomial(p, ABOVE)) * (below_v * inverse);
+    y = (v * polynomial(q, ABOVE)) * (below_u * inverse);
 }
 
+// Never beyond 1.
 inline Floats tanh(Floats x) {
     Floats unused{};
     tanh_both(x, unused);
-    return x;
+    return least(most(x, all(-1.0F)), all(1.0F));
 }
 
 // Natural logarithm of normal positive numbers, relative error under 1e-6.
@@ -99,8 +124,8 @@ inline Floats logarithm(Floats x) {
     const Ints exponent = shifted >> 23;
     const Floats m = reinterpret_cast<Floats>(raw - (exponent << 23));
     const Floats s = (m - 1.0F) / (m + 1.0F), q = s * s;
-    const Floats series = s * (2.0F + q * (0.666666667F + q * (0.4F + q * (0.285714286F + q * 0.222222222F))));
-    return as_floats(exponent) * 0.693147181F + series;
+    constexpr float SERIES[] = {2.0F, 0.666666667F, 0.4F, 0.285714286F, 0.222222222F};
+    return fused(as_floats(exponent), all(0.693147181F), s * polynomial(q, SERIES));
 }
 
 // cos and sin by polynomials after reduction to [-pi/4, pi/4]; absolute error under 1e-6 for |x| < 100.
@@ -108,10 +133,11 @@ inline void direction(Floats angle, Floats& cosine, Floats& sine) {
     const Floats turns = angle * 0.636619772F;
     const Ints quarter = as_ints(turns + (turns < 0.0F ? all(-0.5F) : all(0.5F)));
     const Floats n = as_floats(quarter);
-    const Floats x = (angle - n * 1.57079637F) + n * 4.37113883e-08F;
+    const Floats x = fused(n, all(4.37113883e-08F), fused(-n, all(1.57079637F), angle));
     const Floats q = x * x;
-    const Floats s = x * (1.0F + q * (-0.166666667F + q * (0.00833333333F + q * -0.000198412698F)));
-    const Floats c = 1.0F + q * (-0.5F + q * (0.0416666667F + q * (-0.00138888889F + q * 2.48015873e-05F)));
+    constexpr float SINE[] = {1.0F, -0.166666667F, 0.00833333333F, -0.000198412698F};
+    constexpr float COSINE[] = {1.0F, -0.5F, 0.0416666667F, -0.00138888889F, 2.48015873e-05F};
+    const Floats s = x * polynomial(q, SINE), c = polynomial(q, COSINE);
     const Ints odd = (quarter & 1) != 0;
     const Floats a = odd ? s : c, b = odd ? c : s;
     cosine = ((quarter + 1) & 2) != 0 ? -a : a;

@@ -17,29 +17,27 @@ struct Tanh {
     void operator()(Floats& x, Floats& y) const { tanh_both(x, y); }
 };
 
-// One layer: HIDDEN outputs, a group of them at a time, so that sums stay in registers.
+// One layer. All its outputs at a time, on 16 registers too: so many chains hide the latency of a multiply-add, which
+// is worth more than keeping every sum in a register.
 template <int INPUTS, class Activation>
 inline void layer(const float* weight, const float* bias, const Floats* input, Activation activation, Floats* out) {
-    constexpr int GROUP = WIDTH == 16 ? 16 : 8;
-    for (int first = 0; first < HIDDEN; first += GROUP) {
-        Floats sums[GROUP];
+    Floats sums[HIDDEN];
 #pragma GCC unroll 16
-        for (int o = 0; o < GROUP; ++o) {
-            sums[o] = all(bias[first + o]);
+    for (int o = 0; o < HIDDEN; ++o) {
+        sums[o] = all(bias[o]);
+    }
+#pragma GCC unroll 16
+    for (int i = 0; i < INPUTS; ++i) {
+#pragma GCC unroll 16
+        for (int o = 0; o < HIDDEN; ++o) {
+            sums[o] = fused(all(weight[o * INPUTS + i]), input[i], sums[o]);
         }
+    }
 #pragma GCC unroll 16
-        for (int i = 0; i < INPUTS; ++i) {
-#pragma GCC unroll 16
-            for (int o = 0; o < GROUP; ++o) {
-                sums[o] += weight[(first + o) * INPUTS + i] * input[i];
-            }
-        }
-#pragma GCC unroll 16
-        for (int o = 0; o < GROUP; o += 2) {
-            activation(sums[o], sums[o + 1]);
-            out[first + o] = sums[o];
-            out[first + o + 1] = sums[o + 1];
-        }
+    for (int o = 0; o < HIDDEN; o += 2) {
+        activation(sums[o], sums[o + 1]);
+        out[o] = sums[o];
+        out[o + 1] = sums[o + 1];
     }
 }
 
@@ -52,7 +50,7 @@ __attribute__((noinline)) Floats evaluate(const Network<INPUTS>& network, const 
     Floats sums[4] = {all(network.bias2[0]), Floats{}, Floats{}, Floats{}}; // four short chains instead of a long one
 #pragma GCC unroll 16
     for (int o = 0; o < HIDDEN; ++o) {
-        sums[o % 4] += network.weight2[o] * second[o];
+        sums[o % 4] = fused(all(network.weight2[o]), second[o], sums[o % 4]);
     }
     return (sums[0] + sums[1]) + (sums[2] + sums[3]);
 }

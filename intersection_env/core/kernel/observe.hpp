@@ -36,6 +36,7 @@ inline void observe_road(const float* rows, float inverse_spacing, const Known& 
         interpolate<1, 2>(rows, known.first(), known.last(), grid, vehicle.environment);
     }
     vehicle.environment[0] = least(vehicle.environment[0], known.top_speed());
+    vehicle.environment[1] = least(vehicle.environment[1], known.top_speed());
 }
 
 inline void forget_lead(Seen& vehicle) {
@@ -58,7 +59,7 @@ inline void driving_features(const VehicleLanes& vehicle, Floats* features) {
     features[0] = vehicle.distance_to_stop_line;
     features[1] = vehicle.speed;
     for (int k = 0; k < 7; ++k) {
-        features[2 + k] = vehicle.environment[k];
+        features[2 + k] = vehicle.environment[1 + k];
     }
     features[9] = vehicle.lead_distance;
     features[10] = vehicle.lead_speed;

@@ -15,7 +15,7 @@ float multiply_add(long rounds) {
     for (long round = 0; round < rounds; ++round) {
 #pragma GCC unroll 12
         for (int k = 0; k < 12; ++k) {
-            sums[k] = sums[k] * factor + term;
+            sums[k] = fused(sums[k], factor, term);
         }
     }
     float result = 0.0F;

@@ -75,14 +75,16 @@ void decide_pair(const Problem& problem, const ProblemPair& pair, Ints assignmen
     const Ints second_is_prioritized = (j.rear < pair.prioritized_end) & (i.position < pair.yielder_end);
     const Ints active = i.present & j.present & (swapped ? second_is_prioritized : second_is_yielder);
     const Ints assigned_to_i = active & (assignment < 0), assigned_to_j = active & swapped;
-    const Ints open = active & (assignment == 0) & (j.hold <= problem.vehicles[pair.yielder].route);
-    Ints refused = assigned_to_i;
-    if (any(open)) {
-        refused |= open & ~accepts_gap(problem.gap, problem.gap_network, encounter(pair, block));
+    const Ints unassigned = active & (assignment == 0),
+               open = unassigned & (j.hold <= problem.vehicles[pair.yielder].route);
+    i.refused |= assigned_to_i;
+    const Ints asked = open & ~i.refused & ~settled(i); // elsewhere the answer changes nothing
+    if (any(asked)) {
+        i.refused |= asked & ~accepts_gap(problem.gap, problem.gap_network, encounter(pair, block));
     }
-    i.refused |= refused;
     i.refused_by_assignment |= assigned_to_i;
     j.refused |= assigned_to_j;
+    j.kept |= unassigned & settled(i) & ~j.delta;
     j.refused_by_assignment |= assigned_to_j;
 }
 
@@ -93,7 +95,8 @@ void observe_and_decide(const Problem& problem, bool headings, Block& block) {
         const UniformVehicle same{known.half_length, known.max_speed, known.stop_line,
                                   static_cast<float>(known.last_row), known.first_row};
         observe_road(problem.observed, problem.inverse_spacing, same, headings, block.vehicles[i]);
-        block.vehicles[i].refused = block.vehicles[i].refused_by_assignment = Ints{};
+        PredictedVehicle& vehicle = block.vehicles[i];
+        vehicle.refused = vehicle.refused_by_assignment = vehicle.kept = Ints{};
     }
     for (int i = 0; i < count; ++i) {
         observe_lead(problem, block, i);
@@ -180,7 +183,8 @@ void predict(const Problem& problem, const BlockArguments& arguments, Workspace&
             if (wants_trajectories) {
                 store_state(arguments, count, step, i, vehicle);
             }
-            const Floats applied = advance(problem.vehicles[i], drive(problem, inverse_root, vehicle), vehicle);
+            const Floats wanted = any(vehicle.present) ? drive(problem, inverse_root, vehicle) : all(0.0F);
+            const Floats applied = advance(problem.vehicles[i], wanted, vehicle);
             if (wants_trajectories) {
                 store_action(arguments, count, step, i, vehicle, applied);
                 if (step == STEPS - 1) {

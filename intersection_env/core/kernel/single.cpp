@@ -26,7 +26,9 @@ struct Single {
     int count;                                                   // of rows
     Floats position[MAX_ROWS], speed[MAX_ROWS], v_max[MAX_ROWS]; // to pick from; who is absent stands far away
     Ints hold[MAX_ROWS];
-    std::uint64_t refused, refused_by_assignment; // one bit a vehicle
+    Ints settled[MAX_ROWS], enters[MAX_ROWS];           // masks, from before this step
+    Ints decided[MAX_ROWS];                             // masks: no gap decision changes what they do at this step
+    std::uint64_t refused, refused_by_assignment, kept; // one bit a vehicle
     Circles<Floats> circles[MAX_ROWS];
 };
 
@@ -71,6 +73,8 @@ void observe(const Problem& problem, Single& run) {
         VehicleRow& row = run.rows[r];
         observe_road(problem.observed, problem.inverse_spacing, row, problem.driver == Driver::network, row);
         run.v_max[r] = row.v_max();
+        run.enters[r] = row.delta;
+        run.settled[r] = run.decided[r] = settled(row);
         forget_lead(row);
         for (int k = 0; k < p.candidates; ++k) {
             const long at = static_cast<long>(k) * p.padded_vehicles + static_cast<long>(r) * WIDTH;
@@ -117,8 +121,9 @@ void decide_pairs(const Problem& problem, const std::int32_t* assignments, long 
     const Ints open =
         active & (assignment == 0) & (pick(run.hold, run.count, j) <= lanes_at<Ints>(p.yielder_route, first));
     const Ints to_i = active & (assignment < 0), to_j = active & swapped;
-    Ints refused = to_i;
-    if (any(open)) {
+    const Ints asked = open & ~pick(run.decided, run.count, i);
+    std::uint64_t refused = 0;
+    if (any(asked)) {
         const Floats front_j = position_j + half_j, stop_j = lanes_at<Floats>(p.prioritized_stop_line, first);
         Encounter met = {end_i - rear_i,
                          pick(run.speed, run.count, i),
@@ -134,13 +139,17 @@ void decide_pairs(const Problem& problem, const std::int32_t* assignments, long 
             met.foe_v_max = pick(run.v_max, run.count, j);
             met.distance_to_stop_line = lanes_at<Floats>(p.yielder_stop_line, first) - (position_i + half_i);
         }
-        refused |= open & ~accepts_gap(problem.gap, problem.gap_network, met);
+        refused = vehicles_of(bits(asked & ~accepts_gap(problem.gap, problem.gap_network, met)), p.yielder + first);
     }
-    run.refused |= vehicles_of(bits(refused), p.yielder + first);
     const std::uint64_t assigned =
         vehicles_of(bits(to_i), p.yielder + first) | vehicles_of(bits(to_j), p.prioritized + first);
-    run.refused |= assigned;
+    run.refused |= refused | assigned;
     run.refused_by_assignment |= assigned;
+    const Ints kept = active & (assignment == 0) & pick(run.settled, run.count, i) & ~pick(run.enters, run.count, j);
+    run.kept |= vehicles_of(bits(kept), p.prioritized + first);
+    for (int r = 0; r < run.count; ++r) {
+        run.decided[r] |= row_of(run.refused, r);
+    }
 }
 
 void locate(const Problem& problem, Single& run) {
@@ -225,20 +234,22 @@ void predict_single(const Problem& problem, const BlockArguments& arguments, Wor
     const float inverse_root = 0.5F / __builtin_sqrtf(problem.idm.acceleration * problem.idm.deceleration);
     alignas(64) std::int32_t assignments[MAX_PAIRS];
     for (int k = 0; k < p.padded_pairs; ++k) {
-        assignments[k] = arguments.assignments != nullptr && k < problem.pair_count ? arguments.assignments[k] : 0;
+        assignments[k] =
+            arguments.assignments != nullptr && k < problem.pair_count ? arguments.assignments[p.pair[k]] : 0;
     }
     float distance = NO_DISTANCE;
     start(p, run);
     for (int step = 0; step < STEPS; ++step) {
         publish(run);
         observe(problem, run);
-        run.refused = run.refused_by_assignment = 0;
+        run.refused = run.refused_by_assignment = run.kept = 0;
         for (long first = 0; first < problem.pair_count; first += WIDTH) {
             decide_pairs(problem, assignments, first, run);
         }
         for (int r = 0; r < run.count; ++r) {
             VehicleRow& row = run.rows[r];
             row.refused = row_of(run.refused, r);
+            row.kept = row_of(run.kept, r);
             decide_vehicle(row, row_of(run.refused_by_assignment, r) ? all_ints(problem.route_count) : row.route);
         }
         if (arguments.decisions != nullptr) {

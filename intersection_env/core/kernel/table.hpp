@@ -161,7 +161,7 @@ inline void interpolate(const float* table, Ints first, Floats last, Floats x, F
     load_rows<QUADS>(table, offset, out);
     load_rows<QUADS>(table + 4 * STRIDE_QUADS, offset, high);
     for (int c = 0; c < 4 * QUADS; ++c) {
-        out[c] = out[c] + f * (high[c] - out[c]);
+        out[c] = fused(f, high[c] - out[c], out[c]);
     }
 }
 

@@ -56,7 +56,7 @@ inline void load_route(const Tables& tables, Slot& slot) {
 inline void observe_vehicle(const Tables& tables, Slot& slot) {
     observe_road(tables.observed, tables.inverse_spacing, slot, true, slot);
     forget_lead(slot);
-    slot.refused = slot.blamed = Ints{};
+    slot.refused = slot.kept = slot.blamed = Ints{};
 }
 
 // Mask: past stopping at its line; the memory of a decision that a start has. Needs observe_vehicle.
@@ -152,7 +152,10 @@ inline void meet(const Tables& tables, const GapNetwork* network, World& world, 
     const Floats rear = a_yields ? a.rear : b.rear, pga = a_yields ? r.own_end : r.other_end;
     const Floats foe_position = a_yields ? b.position : a.position, foe_end = a_yields ? r.other_end : r.own_end;
     const Ints foe_hold = a_yields ? b.hold : a.hold, route = a_yields ? a.route : b.route;
-    const Ints open = (r.kind != 0.0F) & (rear < pga) & (foe_position < foe_end) & (foe_hold <= route);
+    const Ints active = (r.kind != 0.0F) & (rear < pga) & (foe_position < foe_end);
+    b.kept |= active & a_yields & settled(a) & ~b.delta;
+    seen.kept |= active & ~a_yields & settled(b) & ~a.delta;
+    const Ints open = active & (foe_hold <= route);
     if (!any(open)) {
         return;
     }

@@ -1,0 +1,231 @@
+"""Trains the driver by PPO: every vehicle of the closed loop acts, with policy and value networks shared.
+
+python -m agents.ppo fast --run runs/ppo
+python -m agents.ppo paper --run runs/ppo_paper
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import sys
+import time
+from dataclasses import dataclass, field
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import torch
+import tyro
+from tensordict import TensorDict
+from tqdm import tqdm
+
+from agents.driving import Driver, DrivingNetwork
+from agents.export import driving_policy, gap_hash
+from agents.interrupt import Interrupted, ctrl_c
+from agents.policy_update import PolicyUpdate, UpdateSettings
+from agents.run_folder import RunFolder
+from agents.scale_out import rollout_collector, train_seeds
+from agents.validation_run import SPEED, validation_run
+from agents.worlds import ClosedLoopEnv
+from intersection_env.policy import DT
+from intersection_env.worlds import gap_decider
+
+NOT_DECISIVE = ("run", "resume", "threads", "workers", "seeds", "tensorboard")
+PROJECTED_FROM = 5  # epochs
+VALIDATION_SEED = 2**40  # of no training
+WATCHED_WORLDS, WATCHED_STEPS = 16, 1000  # at each checkpoint
+
+
+@dataclass(frozen=True)
+class PpoSettings:
+    """What a training of the driver by PPO depends on."""
+
+    run: Path = Path("runs/ppo")
+    """The run folder."""
+    resume: bool = False
+    """Go on with the run in that folder."""
+    map: str = "bendplatz"
+    """A map's name or file."""
+    gap: str = "gap"
+    """Who decides about gaps: a policy with a gap network (name or file), critical_gap or sumo."""
+    worlds: int = 128
+    vehicles: int = 12
+    """In each world; paper, Section IV-B.2."""
+    steps: int = 64
+    """Of each world in an epoch."""
+    epochs: int = 600
+    learning_rate: float = 1e-3
+    last_learning_rate: float = 1e-4
+    """Fallen to linearly."""
+    sigma: float = 0.3
+    """Deviation of the action before its tanh."""
+    last_sigma: float = 0.1
+    """Fallen to geometrically."""
+    least_reward: float = -1000.0
+    """Rewards below it count as this."""
+    reward_scale: float = 0.05
+    """Rewards are multiplied by it."""
+    update: UpdateSettings = field(default_factory=UpdateSettings)
+    seed: int = 0
+    threads: int = 0
+    """That step the worlds, 0: one a core; they do not change what comes out."""
+    workers: int = 0
+    """Ray workers that share the worlds, on one machine or several, 0: none; they do not change what comes out."""
+    seeds: tuple[int, ...] = ()
+    """Train once with each of these instead of `seed`, side by side as Ray tasks, in the folders RUN/seed_0, ..."""
+    tensorboard: bool = False
+    """Write the figures for TensorBoard too, into the run folder."""
+    checkpoint_every: int = 50
+    """Epochs."""
+
+    def decisive(self) -> dict[str, Any]:
+        """The settings that decide the result, as JSON holds them."""
+        kept = dataclasses.asdict(self)
+        return {key: value for key, value in kept.items() if key not in NOT_DECISIVE}
+
+
+PROFILES = {
+    "fast": ("in minutes on two cores", PpoSettings()),
+    "paper": (
+        "the paper's Table III; for weeks",
+        PpoSettings(
+            worlds=1,
+            steps=2000,
+            epochs=1_000_000,
+            learning_rate=2e-5,
+            last_learning_rate=2e-5,
+            last_sigma=0.3,
+            least_reward=-6000.0,
+        ),
+    ),
+}
+
+
+def train_driver(settings: PpoSettings, folder: RunFolder | None = None, progress: bool = True) -> Driver:
+    """The trained driver.
+
+    Args:
+        settings: how to train.
+        folder: where metrics and checkpoints go; its checkpoint, if there is one, is where training goes on.
+        progress: whether to show a bar.
+
+    Raises:
+        Interrupted: Ctrl-C was pressed; the checkpoint stands at the last whole epoch.
+        ValueError, OSError: as of `ClosedLoopWorlds`.
+    """
+    torch.manual_seed(settings.seed)  # the networks' first weights
+    generator = torch.Generator().manual_seed(settings.seed)
+    driver = Driver(DrivingNetwork(), DrivingNetwork(), settings.sigma)
+    update = PolicyUpdate(driver, settings.update)
+    make = partial(ClosedLoopEnv, settings.map, vehicles=settings.vehicles, gap=settings.gap, desynchronise=True)
+    sharing = rollout_collector(
+        make,
+        driver,
+        worlds=settings.worlds,
+        steps=settings.steps,
+        epochs=settings.epochs,
+        seed=settings.seed,
+        threads=settings.threads,
+        workers=settings.workers,
+    )
+    with sharing as collector, ctrl_c() as interrupted:
+        state = folder.load() if folder else None
+        if state is not None:
+            driver.load_state_dict(state["driver"])
+            update.optimizer.load_state_dict(state["optimizer"])
+            collector.load_state_dict(state["collector"])
+            generator.set_state(state["generator"])
+        first = 0 if state is None else int(state["epoch"])
+        bar = tqdm(total=settings.epochs, initial=first, desc="PPO", disable=None if progress else True, unit="epoch")
+        begin = time.perf_counter()
+        for epoch, rollout in enumerate(collector, first + 1):
+            done = (epoch - 1) / max(settings.epochs - 1, 1)
+            row: dict[str, Any] = {"epoch": epoch, **_seen(rollout)}
+            reward = rollout["next", "reward"]
+            reward.clamp_(min=settings.least_reward).mul_(settings.reward_scale)
+            rate = settings.learning_rate + done * (settings.last_learning_rate - settings.learning_rate)
+            row |= update(update.advantages(rollout), rate, generator)
+            driver.sigma.fill_(settings.sigma * (settings.last_sigma / settings.sigma) ** done)
+            collector.update_policy_weights_()
+            bar.update()
+            if progress and epoch == first + PROJECTED_FROM:
+                hours = (settings.epochs - first) * (time.perf_counter() - begin) / PROJECTED_FROM / 3600.0
+                bar.write(f"{settings.epochs - first} epochs at this rate: {hours:.2f} h")
+            is_due = epoch == settings.epochs or epoch % settings.checkpoint_every == 0
+            stop = interrupted()
+            if is_due:
+                run = validation_run(
+                    driver.policy,
+                    map=settings.map,
+                    gap=settings.gap,
+                    seed=VALIDATION_SEED,
+                    vehicles=settings.vehicles,
+                    worlds=WATCHED_WORLDS,
+                    steps=WATCHED_STEPS,
+                )
+                row |= {"validation": dataclasses.asdict(run)}
+                bar.set_postfix(
+                    reward=f"{run.reward:.2f}", collisions=f"{run.collisions:.1e}", speed=f"{run.speed:.1f}"
+                )
+            if folder:
+                folder.append(row)
+                if is_due or stop:
+                    folder.save(
+                        {
+                            "epoch": epoch,
+                            "driver": driver.state_dict(),
+                            "optimizer": update.optimizer.state_dict(),
+                            "collector": collector.state_dict(),
+                            "generator": generator.get_state(),
+                        }
+                    )
+            if stop and epoch < settings.epochs:
+                raise Interrupted
+    return driver
+
+
+def _seen(rollout: TensorDict) -> dict[str, float]:
+    """What a rollout shows, as acted with noise: mean reward of a step, collisions a second and vehicle, speed."""
+    return {
+        "reward": float(rollout["next", "reward"].mean()),
+        "collisions": float(rollout["next", "terminated"].float().mean()) / DT,
+        "speed": float(rollout["observation"][..., SPEED].mean()),
+        "ends": float(rollout["next", "done"].float().mean()) / DT,
+    }
+
+
+def main(settings: PpoSettings) -> int:
+    """Trains as told and writes the policy file `ppo.policy` into the run folder; returns the exit status."""
+    if settings.seeds:
+        return train_seeds(main, settings)
+    torch.set_num_threads(1)  # such small networks gain nothing from more
+    begin = time.perf_counter()
+    try:
+        gap = gap_decider(settings.gap)
+        folder = RunFolder.begin(
+            settings.run, settings.decisive(), gap_hash(gap), settings.resume, settings.tensorboard
+        )
+        driver = train_driver(settings, folder)
+        about: dict[str, Any] = {
+            "made_by": "python -m agents.ppo",
+            "settings": settings.decisive(),
+            "map": settings.map,
+        }
+        about["validation_run"] = {}
+        for rule in dict.fromkeys((settings.gap, "critical_gap")):
+            run = validation_run(driver.policy, map=settings.map, gap=rule, seed=VALIDATION_SEED)
+            about["validation_run"][rule] = {key: round(value, 6) for key, value in dataclasses.asdict(run).items()}
+            print(f"2000 s with 12 vehicles, gaps by {rule}: {about['validation_run'][rule]}")
+        driving_policy(gap, driver.policy, about).save(settings.run / "ppo.policy")
+    except Interrupted:
+        print(f"interrupted; --resume goes on from {settings.run}", file=sys.stderr)
+        return 130
+    except (OSError, ValueError) as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 1
+    print(f"written: {settings.run / 'ppo.policy'}, in {time.perf_counter() - begin:.0f} s")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(tyro.extras.overridable_config_cli(PROFILES)))

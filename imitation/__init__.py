@@ -1,0 +1,1 @@
+"""Generative adversarial imitation learning (GAIL): the driver learns to drive like the recorded ones."""

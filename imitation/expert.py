@@ -1,0 +1,57 @@
+"""What the recorded drivers saw and did: the expert's side of the imitation."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from intersection_env.scenes import Scenes
+from intersection_env.spaces import ACCELERATION
+from intersection_env.worlds import ReplayWorlds
+
+WORLDS = 256
+
+
+@dataclass(frozen=True)
+class ExpertSteps:
+    """Every recorded step of every recorded vehicle that acts in a split's replays.
+
+    observation: (step, 12), the features in their units, with delta from the recorded order.
+    acceleration: (step,) [m/s²], what takes the vehicle on to its next recorded speed.
+    track: (step,) int32, an index into `ReplayWorlds.tracks`.
+    """
+
+    observation: NDArray[np.float32]
+    acceleration: NDArray[np.float32]
+    track: NDArray[np.int32]
+
+    def __len__(self) -> int:
+        return len(self.acceleration)
+
+
+def expert_steps(scenes: str | Path | Scenes, split: str | None, gap: str | Path = "recording") -> ExpertSteps:
+    """Replays every track of a split, each vehicle driving as it was recorded.
+
+    Raises:
+        ValueError, OSError: as of `ReplayWorlds`.
+    """
+    worlds = ReplayWorlds(scenes, split=split, gap=gap, worlds=WORLDS, autoreset="off")
+    worlds.reset(seed=0)
+    parts: list[tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.int32]]] = []
+    actors = worlds.tracks.actors
+    for first in range(0, len(actors), WORLDS):
+        tracks = actors[first : first + WORLDS]
+        for world, track in enumerate(tracks):
+            worlds.start(world, int(track))
+        acts = np.arange(WORLDS) < len(tracks)
+        while acts.any():
+            parts.append((worlds.expert_observation[acts], worlds.expert_acceleration[acts], worlds.track[acts]))
+            np.clip(worlds.expert_acceleration / ACCELERATION, -1.0, 1.0, out=worlds.action)
+            worlds.step()
+            acts &= ~(worlds.terminated | worlds.truncated)
+    observation, acceleration, track = (np.concatenate(one) for one in zip(*parts, strict=True))
+    order = np.argsort(track, kind="stable")
+    return ExpertSteps(observation[order], acceleration[order], track[order])
