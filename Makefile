@@ -9,7 +9,7 @@ CORE := $(shell find intersection_env/core -type f)
 CXX_SOURCES := $(filter %.hpp %.cpp,$(CORE)) $(wildcard examples/*/*.cpp tests/fuzz/*.hpp tests/fuzz/*.cpp tests/cpp/*.cpp)
 RECORDINGS ?= data/recordings
 
-.PHONY: demo setup check test harden bench gap maps recordings recorded statistics pages format clean
+.PHONY: demo setup check test harden bench train gap maps recordings recorded statistics pages format clean
 
 demo: $(VENV)/.package
 	$(RUN) -m experiments.demo --recordings $(RECORDINGS)
@@ -42,10 +42,18 @@ recordings: setup
 recorded: $(VENV)/.package
 	$(RUN) -m data.build data/recordings --map bendplatz --out intersection_env/recorded/bendplatz.npz
 
-# The gap network: scenes, training, and the policy file that ships.
+# All that is learned from recordings, in turn, each on what came before: the policy files that ship. `make gap`: the
+# first alone. A training that was interrupted goes on with `RESUME=--resume`.
+train: gap
+	$(RUN) -m agents.idm --scenes out/scenes.npz --out intersection_env/policies/idm_calibrated.policy
+	$(RUN) -m agents.ppo fast --run runs/ppo $(RESUME)
+	cp runs/ppo/ppo.policy intersection_env/policies/ppo.policy
+	$(RUN) -m imitation.gail default --scenes out/scenes.npz --ppo runs/ppo --run runs/gail $(RESUME)
+	cp runs/gail/gail.policy intersection_env/policies/gail.policy
+
 gap: setup
 	$(RUN) -m data.build $(RECORDINGS) --map bendplatz --out out/scenes.npz
-	$(RUN) -m agents.gap default --scenes out/scenes.npz --run runs/gap
+	$(RUN) -m agents.gap default --scenes out/scenes.npz --run runs/gap $(RESUME)
 	cp runs/gap/gap.policy intersection_env/policies/gap.policy
 
 statistics: $(VENV)/.package

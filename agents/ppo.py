@@ -48,12 +48,12 @@ class PpoSettings:
     """A map's name or file."""
     gap: str = "gap"
     """Who decides about gaps: a policy with a gap network (name or file), critical_gap or sumo."""
-    worlds: int = 128
+    worlds: int = 256
     vehicles: int = 12
     """In each world; paper, Section IV-B.2."""
-    steps: int = 64
+    steps: int = 128
     """Of each world in an epoch."""
-    epochs: int = 600
+    epochs: int = 300
     learning_rate: float = 1e-3
     last_learning_rate: float = 1e-4
     """Fallen to linearly."""
@@ -61,11 +61,11 @@ class PpoSettings:
     """Deviation of the action before its tanh."""
     last_sigma: float = 0.1
     """Fallen to geometrically."""
-    least_reward: float = -1000.0
+    least_reward: float = -3000.0
     """Rewards below it count as this."""
     reward_scale: float = 0.05
     """Rewards are multiplied by it."""
-    update: UpdateSettings = field(default_factory=UpdateSettings)
+    update: UpdateSettings = field(default_factory=lambda: UpdateSettings(minibatches=12))
     seed: int = 0
     threads: int = 0
     """That step the worlds, 0: one a core; they do not change what comes out."""

@@ -15,7 +15,14 @@ import pandas as pd
 ROOT = Path(__file__).parent.parent
 RESULTS = ROOT / "experiments" / "results"
 HORIZONS = (2.0, 4.0, 6.0, 8.0, 10.0)
-MODELS = {"constant_velocity": "constant velocity", "idm": "IDM", "gap": "gap network, IDM"}
+MODELS = {
+    "constant_velocity": "constant velocity",
+    "idm": "critical gaps, IDM",
+    "gap": "gap network, IDM",
+    "idm_calibrated": "gap network, calibrated IDM",
+    "ppo": "gap network, PPO",
+    "gail": "gap network, GAIL",
+}
 
 SPEED_ROWS = (
     ("1 scenario", "single_us", "networks", None),
@@ -35,12 +42,14 @@ CYCLE_ROWS = {"maneuvers in 200 ms": "networks", "the same, all priorities assig
 def errors_table(errors: pd.DataFrame) -> str:
     """Markdown of the errors over the horizon, vehicles recorded at the start and at the horizon."""
     recorded = errors[errors["population"] == "recorded"].set_index(["model", "horizon"]).to_dict("index")
-    heads = [f"{name}: RMSE / MAD [m], time loss RMSE [s]" for name in MODELS.values()]
-    lines = [f"| horizon [s] | {' | '.join(heads)} | samples |", "|---" * (len(heads) + 2) + "|"]
-    for horizon in HORIZONS:
-        rows = [recorded[model, horizon] for model in MODELS]
+    heads = [f"{horizon:.0f} s" for horizon in HORIZONS]
+    lines = [f"| RMSE / MAD [m], time loss RMSE [s] | {' | '.join(heads)} |", "|---" * (len(heads) + 1) + "|"]
+    for model, name in MODELS.items():
+        rows = [recorded[model, horizon] for horizon in HORIZONS]
         cells = [f"{row['rmse']:.1f} / {row['mad']:.1f}, {row['time_loss_rmse']:.1f}" for row in rows]
-        lines.append(f"| {horizon:.0f} | {' | '.join(cells)} | {rows[0]['count']:.0f} |")
+        lines.append(f"| {name} | {' | '.join(cells)} |")
+    counts = [f"{recorded[next(iter(MODELS)), horizon]['count']:.0f}" for horizon in HORIZONS]
+    lines.append(f"| samples | {' | '.join(counts)} |")
     return "\n".join(lines)
 
 
@@ -169,6 +178,16 @@ def environments_block(environments: dict[str, Any]) -> str:
     return "\n\n".join((worlds_table(environments), doors_table(environments), notes))
 
 
+def training_sentence(training: dict[str, float]) -> str:
+    """Where an epoch's time goes."""
+    parts = {name: training[name] for name in ("collection", "advantages", "one_pass")}
+    shares = [f"{name.replace('_', ' ')} {100.0 * taken / sum(parts.values()):.0f} %" for name, taken in parts.items()]
+    return (
+        f"PPO on one core: {training['million_steps_per_second']:.2f} million agent-steps/s with one pass of updates"
+        f" ({', '.join(shares)})."
+    )
+
+
 def gap_table(results: dict[str, Any]) -> str:
     """Markdown of how often gaps are decided rightly, and by how much the network leads, per foe definition."""
     heads = [f"{name} {foes}" for foes in results["foes"] for name in ("accuracy,", "network minus it,")]
@@ -209,6 +228,8 @@ def readme() -> str:
     gap = json.loads((RESULTS / "gap_validation.json").read_text(encoding="utf-8"))
     blocks = {"errors": errors_table(errors), "gap": gap_table(gap), "speed": speed_block(bench)}
     blocks["environments"] = environments_block(bench["environments"])
+    if "training" in bench:
+        blocks["environments"] += f"\n\n{training_sentence(bench['training'])}"
     return filled((ROOT / "README.md").read_text(encoding="utf-8"), blocks)
 
 

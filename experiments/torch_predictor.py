@@ -17,6 +17,7 @@ from intersection_env import Traffic, _core
 from intersection_env.policy import DT, NetworkWeights, PolicyFile
 
 BRAKING = 4.0  # [m/s²]
+LEAST_LEAD_GAP, ROUNDED_STOP, OVERSHOOT = 0.5, 0.02, 0.05  # [m], of what limits a network
 FAR, FAR_SPEED = 100.0, 100.0 / 3.6  # without a lead [m], [m/s]
 
 
@@ -112,8 +113,11 @@ class TorchPredictor:
             refused = open_ & (self.gap(torch.stack(seen, -1)) <= 0.0)
             told = (active & (assignment < 0)).float() @ self.to_i + (active & (assignment > 0)).float() @ self.to_j > 0
             waits = told | (refused.float() @ self.to_i > 0)
-            delta = ~waits | (delta & (to_line < speed.clamp(min=0.0).square() / (2.0 * BRAKING)))
-            own = torch.where(delta, -1, torch.where(told, self.routes, self.route))
+            braking = speed.square() / (2.0 * BRAKING)
+            settled = delta & (to_line < braking)
+            kept = active & (assignment == 0) & settled[:, self.i] & ~delta[:, self.j]
+            delta = ~(waits | (kept.float() @ self.to_j > 0)) | settled
+            own = torch.where(delta | ~waits, -1, torch.where(told, self.routes, self.route))
             queues = (to_lead < FAR) & self.same_lane[torch.arange(shape[1]), lead] & (to_line >= 0.0)
             hold = torch.maximum(own, torch.where(queues, hold.gather(1, lead), -1))
             asked = asked + open_.sum()
@@ -127,12 +131,31 @@ class TorchPredictor:
                 -1,
             )
             acceleration = self.scale * torch.tanh(self.driving(features))
+            may_run = delta | (to_line < braking - OVERSHOOT)
+            acceleration = self._limited(acceleration, speed, to_line, may_run, to_lead, lead_speed)
             lost = lost + torch.where(present, DT * (1.0 - speed / v_max), 0.0)
             faster = (speed + DT * acceleration).clamp(min=0.0)
             position = torch.where(present, position + 0.5 * DT * (speed + faster), position)
             speed = torch.where(present, faster, speed)
             present = present & (position < self.length)
         return Predicted(position, lost, asked)
+
+    def _limited(
+        self, acceleration: Tensor, speed: Tensor, to_line: Tensor, may_run: Tensor, to_lead: Tensor, lead_speed: Tensor
+    ) -> Tensor:
+        """What keeps every vehicle able to stop behind its lead, and those that must at their lines."""
+        hardest = self.scale
+        lead_next = (lead_speed - DT * hardest).clamp(min=0.0)
+        lead_way = 0.5 * DT * (lead_speed + lead_next) + lead_next.square() / (2.0 * hardest)
+        following = (speed + DT * acceleration).clamp(min=0.0)
+        slower = acceleration
+        bounds = ((to_lead + lead_way - LEAST_LEAD_GAP, hardest), (to_line - ROUNDED_STOP, BRAKING))
+        for (distance, b), free in zip(bounds, (torch.zeros_like(may_run), may_run), strict=True):
+            rest = distance - 0.5 * DT * speed
+            breaks = following * (0.5 * DT + following / (2.0 * b)) > rest
+            stops = b * ((0.25 * DT**2 + rest * (2.0 / b)).clamp(min=0.0).sqrt() - 0.5 * DT)
+            slower = torch.where(breaks & ~free, slower.minimum((stops - speed) / DT), slower)
+        return torch.where(slower < acceleration, slower.clamp(min=-hardest), acceleration)
 
     def _road(self, position: Tensor) -> Tensor:
         """(scenario, vehicle, 7): v_max and the relative headings."""

@@ -57,7 +57,7 @@ class GailSettings:
     worlds: int = 256
     steps: int = 64
     """Of each world in an epoch; 16384 steps in all, paper, Table III."""
-    epochs: int = 2000
+    epochs: int = 800
     value_epochs: int = 5
     """First ones in which policy stays as it is, and the value network gets used to the new reward."""
     learning_rate: float = 3e-4
@@ -65,6 +65,8 @@ class GailSettings:
     """Fallen to linearly."""
     sigma: float = 0.15
     """Deviation of the action before its tanh."""
+    last_sigma: float = 0.03
+    """Fallen to geometrically. With noise a driver creeps out of a standstill in which its mean action leaves it."""
     reward_scale: float = 0.1
     """Rewards are multiplied by it."""
     update: UpdateSettings = field(default_factory=lambda: UpdateSettings(passes=10, minibatches=1))
@@ -91,7 +93,7 @@ PROFILES = {
     "default": ("in minutes on two cores", GailSettings()),
     "paper": (
         "the paper's Table III",
-        GailSettings(epochs=12_000),
+        GailSettings(epochs=12_000, last_sigma=0.15),
     ),
 }
 
@@ -168,6 +170,7 @@ def train_driver(
             rate = settings.learning_rate + done * (settings.last_learning_rate - settings.learning_rate)
             value_only = epoch <= settings.value_epochs
             row |= update(update.advantages(rollout), rate, generator, value_only)
+            driver.sigma.fill_(settings.sigma * (settings.last_sigma / settings.sigma) ** done)
             collector.update_policy_weights_()
             bar.update()
             is_due = epoch == settings.epochs or epoch % settings.checkpoint_every == 0

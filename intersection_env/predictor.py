@@ -91,10 +91,12 @@ class Predictor:
         self._bound: dict[str, _core.Predictor] = {}
 
     @classmethod
-    def load(cls, policy: str | Path = "gap", *, gap: str | None = None, threads: int = 1) -> Predictor:
+    def load(cls, policy: str | Path = "gail", *, gap: str | None = None, threads: int = 1) -> Predictor:
         """A policy that ships, a rule (`"idm"`, `"constant_velocity"`) or a policy file (`.policy`).
 
-        `"gap"`: a network decides about gaps, the IDM drives; trained on the simulated recordings.
+        All that ship were trained on the simulated recordings, and a network decides about gaps. Who drives: `"gail"`,
+        a network that learned to drive like the recorded ones; `"ppo"`, one that learned by reward; `"gap"`, the IDM
+        with the paper's parameters; `"idm_calibrated"`, the IDM with those that fit the recordings.
 
         Args:
             policy: a name or a path.

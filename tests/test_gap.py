@@ -199,4 +199,4 @@ def test_shipped_gap_policy_says_where_it_comes_from() -> None:
     policy = PolicyFile.read(ROOT / "intersection_env" / "policies" / "gap.policy")
     assert policy.about["made_by"] == "python -m agents.gap"
     assert policy.about["development"]["recorded"]["accuracy"] > 0.9
-    assert Predictor.load().name == "gap"
+    assert Predictor.load("gap").policy.driver == "idm"

@@ -40,7 +40,9 @@ def test_floats_keep_every_bit() -> None:
 
 def test_policy_file_round_trip_is_exact(tmp_path: Path) -> None:
     gap, driving = random_networks(np.random.default_rng(1))
-    written = PolicyFile("network", "network", weights(gap), weights(driving), 5.5, about={"made_by": "a test", "score": 0.1})
+    written = PolicyFile(
+        "network", "network", weights(gap), weights(driving), 5.5, about={"made_by": "a test", "score": 0.1}
+    )
     written.save(tmp_path / "a.policy")
     read = PolicyFile.read(tmp_path / "a.policy")
     assert read.text() == written.text()
@@ -102,7 +104,9 @@ def test_damaged_policy_file_is_refused_by_name_of_what_is_wrong(tmp_path: Path,
 
 
 def test_unknown_policy_names_what_there_is() -> None:
-    with pytest.raises(ValueError, match='no policy "hero": the names are gap, idm, constant_velocity'):
+    with pytest.raises(
+        ValueError, match='no policy "hero": the names are gail, gap, idm_calibrated, ppo, idm, constant_velocity'
+    ):
         Predictor.load("hero")
     with pytest.raises(FileNotFoundError):
         Predictor.load("missing.policy")
