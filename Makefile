@@ -48,8 +48,6 @@ train: gap
 	$(RUN) -m agents.idm --scenes out/scenes.npz --out intersection_env/policies/idm_calibrated.policy
 	$(RUN) -m agents.ppo fast --run runs/ppo $(RESUME)
 	cp runs/ppo/ppo.policy intersection_env/policies/ppo.policy
-	$(RUN) -m imitation.gail default --scenes out/scenes.npz --ppo runs/ppo --run runs/gail $(RESUME)
-	cp runs/gail/gail.policy intersection_env/policies/gail.policy
 
 gap: setup
 	$(RUN) -m data.build $(RECORDINGS) --map bendplatz --out out/scenes.npz

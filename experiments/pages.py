@@ -21,7 +21,6 @@ MODELS = {
     "gap": "gap network, IDM",
     "idm_calibrated": "gap network, calibrated IDM",
     "ppo": "gap network, PPO",
-    "gail": "gap network, GAIL",
 }
 
 SPEED_ROWS = (

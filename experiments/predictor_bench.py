@@ -70,16 +70,17 @@ def spread(values: list[float]) -> Spread:
 
 
 def _peak(what: str, isa: str) -> Callable[[], float]:
-    """Seconds a multiply-add or tanh, at the best."""
+    """Seconds a multiply-add or tanh, by the same measure as the predictor's times: the median of many calls."""
     yardstick, rounds = (_core.multiply_adds, 100_000) if what == "fma" else (_core.tanhs, 10_000)
 
     def work() -> float:
-        times = []
-        for _ in range(5):
+        times: list[float] = []
+        count = 1
+        while sum(times) < SECONDS:
             begin = time.perf_counter()
             count, _ = yardstick(isa, rounds)
-            times.append((time.perf_counter() - begin) / count)
-        return min(times)
+            times.append(time.perf_counter() - begin)
+        return float(np.median(times)) / count
 
     return work
 
