@@ -27,7 +27,7 @@ class DiscriminatorSettings:
     """Labels are this far from 0 and 1."""
     noise: float = 0.1
     """Deviation of what is added to the normalised features of both sides."""
-    gradient_penalty: float = 0.0
+    gradient_penalty: float = 1.0
     """Weight of (|gradient| - 1)² at points between both sides."""
     most_accuracy: float = 1.0
     """Above it, an update is left out."""

@@ -65,8 +65,8 @@ class GailSettings:
     """Fallen to linearly."""
     sigma: float = 0.15
     """Deviation of the action before its tanh."""
-    last_sigma: float = 0.03
-    """Fallen to geometrically. With noise a driver creeps out of a standstill in which its mean action leaves it."""
+    last_sigma: float = 0.15
+    """Fallen to geometrically."""
     reward_scale: float = 0.1
     """Rewards are multiplied by it."""
     update: UpdateSettings = field(default_factory=lambda: UpdateSettings(passes=10, minibatches=1))
@@ -93,7 +93,7 @@ PROFILES = {
     "default": ("in minutes on two cores", GailSettings()),
     "paper": (
         "the paper's Table III",
-        GailSettings(epochs=12_000, last_sigma=0.15),
+        GailSettings(epochs=12_000),
     ),
 }
 

@@ -230,7 +230,9 @@ def learned(
     """A discriminator after so many updates, and what its loss gave at each."""
     torch.manual_seed(1)
     discriminator = Discriminator.of(expert)
-    loss = DiscriminatorLoss(discriminator, DiscriminatorSettings(**settings), torch.Generator().manual_seed(0))
+    loss = DiscriminatorLoss(
+        discriminator, DiscriminatorSettings(**{"gradient_penalty": 0.0, **settings}), torch.Generator().manual_seed(0)
+    )
     optimizer = torch.optim.Adam(discriminator.parameters(), lr=1e-3)
     seen = []
     for _ in range(updates):
@@ -300,7 +302,9 @@ def spied(logit: float, **settings: Any) -> tuple[Spy, TensorDict]:
     expert, policy = rows(3000), rows(3000, shift=1.0, seed=1)
     discriminator, spy = Discriminator.of(expert), Spy(logit)
     discriminator.layers = spy  # type: ignore[assignment]
-    loss = DiscriminatorLoss(discriminator, DiscriminatorSettings(**settings), torch.Generator().manual_seed(0))
+    loss = DiscriminatorLoss(
+        discriminator, DiscriminatorSettings(**{"gradient_penalty": 0.0, **settings}), torch.Generator().manual_seed(0)
+    )
     terms = loss(TensorDict({"expert": expert, "policy": policy}))
     clean = discriminator.normalised(torch.cat([expert, policy]))
     spy.seen = spy.seen - clean

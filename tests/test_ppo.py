@@ -306,9 +306,8 @@ def test_main_writes_a_policy_that_drives_predictor_and_worlds(
 def test_command_line_reaches_nested_settings() -> None:
     arguments = ["paper", "--run", "a", "--update.clip", "0.1", "--resume"]
     settings = tyro.extras.overridable_config_cli(PROFILES, args=arguments)
-    assert settings == replace(
-        PROFILES["paper"][1], run=Path("a"), update=replace(UpdateSettings(), clip=0.1), resume=True
-    )
+    paper = PROFILES["paper"][1]
+    assert settings == replace(paper, run=Path("a"), update=replace(paper.update, clip=0.1), resume=True)
 
 
 def test_tensorboard_that_is_not_there_is_named(
