@@ -132,18 +132,26 @@ def _gaps(traffic: Traffic, prediction: Prediction, where: str, findings: Findin
 
 
 def _another_between(traffic: Traffic, position: Floats, i: int, j: int) -> NDArray[np.bool_]:
-    """(time,): a vehicle of another route is beside i or between it and j, as it were, where their lanes are shared.
+    """(time,): a third vehicle is beside i or between it and j, as it were, where their lanes are shared.
 
-    The nearest one ahead is the lead, and hides the others: one that merges beside i, and so collides, hides j.
+    The nearest one ahead is the lead, and hides the others: one that collides with i, as it merges beside it or was too
+    fast behind it from the start, hides j.
     """
+
+    def comes(along: Floats, k: int) -> NDArray[np.bool_]:
+        found: NDArray[np.bool_] = (along > position[:, i]) & (along - traffic.length[k] / 2.0 < position[:, j])
+        return found
+
     found = np.zeros(len(position), np.bool_)
+    for k in set(np.flatnonzero(traffic.route == traffic.route[i]).tolist()) - {i, j}:
+        found |= comes(position[:, k], k)
     for lane in traffic.intersection.shared_lanes:
         for own, other, offset in ((lane.a, lane.b, -lane.offset), (lane.b, lane.a, lane.offset)):
             if own != traffic.route[i]:
                 continue
             for k in np.flatnonzero(traffic.route == other).tolist():
                 for along in (position[:, k], position[:, k] + offset):
-                    found |= (along > position[:, i]) & (along < position[:, j])
+                    found |= comes(along, k)
     return found
 
 
