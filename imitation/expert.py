@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -32,6 +33,16 @@ class ExpertSteps:
         return len(self.acceleration)
 
 
+def each_track(worlds: ReplayWorlds) -> Iterator[NDArray[np.bool_]]:
+    """Starts every track that may act, as many at a time as there are worlds; which worlds act (world,)."""
+    actors, count = worlds.tracks.actors, len(worlds.action)
+    for first in range(0, len(actors), count):
+        tracks = actors[first : first + count]
+        for world, track in enumerate(tracks):
+            worlds.start(world, int(track))
+        yield np.arange(count) < len(tracks)
+
+
 def expert_steps(scenes: str | Path | Scenes, split: str | None, gap: str | Path = "recording") -> ExpertSteps:
     """Replays every track of a split, each vehicle driving as it was recorded.
 
@@ -41,12 +52,7 @@ def expert_steps(scenes: str | Path | Scenes, split: str | None, gap: str | Path
     worlds = ReplayWorlds(scenes, split=split, gap=gap, worlds=WORLDS, autoreset="off")
     worlds.reset(seed=0)
     parts: list[tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.int32]]] = []
-    actors = worlds.tracks.actors
-    for first in range(0, len(actors), WORLDS):
-        tracks = actors[first : first + WORLDS]
-        for world, track in enumerate(tracks):
-            worlds.start(world, int(track))
-        acts = np.arange(WORLDS) < len(tracks)
+    for acts in each_track(worlds):
         while acts.any():
             parts.append((worlds.expert_observation[acts], worlds.expert_acceleration[acts], worlds.track[acts]))
             np.clip(worlds.expert_acceleration / ACCELERATION, -1.0, 1.0, out=worlds.action)

@@ -9,10 +9,10 @@ import numpy as np
 import torch
 
 from agents.driving import DrivingNetwork
+from imitation.expert import WORLDS, each_track
 from intersection_env.scenes import Scenes
 from intersection_env.worlds import ReplayWorlds
 
-WORLDS = 256
 HORIZON = 50  # steps, 10 s
 DISTANCE_TO_STOP_LINE, SPEED, DELTA = 0, 1, 11  # of the features
 HARD_BRAKING = 4.0  # [m/s²]; paper, that of s_brake
@@ -44,12 +44,7 @@ def replay_error(policy: DrivingNetwork, scenes: str | Path | Scenes, split: str
     worlds.reset(seed=0)
     errors: list[np.ndarray] = []
     collided = crossed = held = 0
-    actors = worlds.tracks.actors
-    for first in range(0, len(actors), WORLDS):
-        tracks = actors[first : first + WORLDS]
-        for world, track in enumerate(tracks):
-            worlds.start(world, int(track))
-        acts = np.arange(WORLDS) < len(tracks)
+    for acts in each_track(worlds):
         waits = np.zeros(WORLDS, np.bool_)
         for _ in range(HORIZON):
             distance, speed, delta = worlds.observation[:, [DISTANCE_TO_STOP_LINE, SPEED, DELTA]].T
@@ -68,6 +63,6 @@ def replay_error(policy: DrivingNetwork, scenes: str | Path | Scenes, split: str
         rmse=float(np.sqrt(np.mean(error**2))),
         mad=float(np.median(np.abs(error))),
         count=len(error),
-        collisions=collided / len(actors),
+        collisions=collided / len(worlds.tracks.actors),
         line_runs=crossed / max(held, 1),
     )
