@@ -54,9 +54,10 @@ def validation_run(
     driver = Driver(policy, DrivingNetwork(), MEAN_ONLY)
     reward = kept = speed = 0.0
     ended = count = 0
-    while count < steps * worlds * vehicles:
-        part = min(PART, steps - count // (worlds * vehicles))
-        data = Rollouts(simulated, part).collect(driver)
+    whole, rest = divmod(steps, PART)
+    parts = [Rollouts(simulated, PART)] * whole + ([Rollouts(simulated, rest)] if rest else [])
+    for part in parts:
+        data = part.collect(driver)
         paid, terminated = data["next", "reward"].double(), data["next", "terminated"]
         reward += float(paid.sum())
         kept += float(paid[~terminated].sum())
