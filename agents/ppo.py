@@ -7,6 +7,7 @@ python -m agents.ppo paper --run runs/ppo_paper
 from __future__ import annotations
 
 import dataclasses
+import json
 import sys
 import time
 from dataclasses import dataclass, field
@@ -46,8 +47,9 @@ class PpoSettings:
     """Go on with the run in that folder."""
     map: str = "bendplatz"
     """A map's name or file."""
-    gap: str = "gap"
-    """Who decides about gaps: a policy with a gap network (name or file), critical_gap or sumo."""
+    gaps: tuple[str, ...] = ("gap", "critical_gap")
+    """Who decides about gaps, each in an equal share of the worlds: policies with a gap network (name or file),
+    critical_gap or sumo. The first one also decides in the policy that is written."""
     worlds: int = 256
     vehicles: int = 12
     """In each world; paper, Section IV-B.2."""
@@ -80,7 +82,7 @@ class PpoSettings:
 
     def decisive(self) -> dict[str, Any]:
         """The settings that decide the result, as JSON holds them."""
-        kept = dataclasses.asdict(self)
+        kept: dict[str, Any] = json.loads(json.dumps(dataclasses.asdict(self), default=str))
         return {key: value for key, value in kept.items() if key not in NOT_DECISIVE}
 
 
@@ -117,9 +119,8 @@ def train_driver(settings: PpoSettings, folder: RunFolder | None = None, progres
     generator = torch.Generator().manual_seed(settings.seed)
     driver = Driver(DrivingNetwork(), DrivingNetwork(), settings.sigma)
     update = PolicyUpdate(driver, settings.update)
-    make = partial(ClosedLoopEnv, settings.map, vehicles=settings.vehicles, gap=settings.gap, desynchronise=True)
     sharing = rollout_collector(
-        make,
+        partial(environments, settings),
         driver,
         worlds=settings.worlds,
         steps=settings.steps,
@@ -154,18 +155,23 @@ def train_driver(settings: PpoSettings, folder: RunFolder | None = None, progres
             is_due = epoch == settings.epochs or epoch % settings.checkpoint_every == 0
             stop = interrupted()
             if is_due:
-                run = validation_run(
-                    driver.policy,
-                    map=settings.map,
-                    gap=settings.gap,
-                    seed=VALIDATION_SEED,
-                    vehicles=settings.vehicles,
-                    worlds=WATCHED_WORLDS,
-                    steps=WATCHED_STEPS,
-                )
-                row |= {"validation": dataclasses.asdict(run)}
+                runs = [
+                    validation_run(
+                        driver.policy,
+                        map=settings.map,
+                        gap=gap,
+                        seed=VALIDATION_SEED,
+                        vehicles=settings.vehicles,
+                        worlds=WATCHED_WORLDS,
+                        steps=WATCHED_STEPS,
+                    )
+                    for gap in settings.gaps
+                ]
+                row |= {"validation": dict(zip(settings.gaps, map(dataclasses.asdict, runs), strict=True))}
                 bar.set_postfix(
-                    reward=f"{run.reward:.2f}", collisions=f"{run.collisions:.1e}", speed=f"{run.speed:.1f}"
+                    reward=" ".join(f"{run.reward:.2f}" for run in runs),
+                    collisions=" ".join(f"{run.collisions:.1e}" for run in runs),
+                    speed=" ".join(f"{run.speed:.1f}" for run in runs),
                 )
             if folder:
                 folder.append(row)
@@ -182,6 +188,27 @@ def train_driver(settings: PpoSettings, folder: RunFolder | None = None, progres
             if stop and epoch < settings.epochs:
                 raise Interrupted
     return driver
+
+
+def environments(settings: PpoSettings, *, worlds: int, threads: int) -> list[ClosedLoopEnv]:
+    """The training's worlds, an environment for each of who decides about gaps.
+
+    Raises:
+        ValueError: they cannot share so many worlds; or as of `ClosedLoopWorlds`.
+    """
+    if not settings.gaps or worlds % len(settings.gaps):
+        raise ValueError(f"gaps: {len(settings.gaps)} cannot have equal shares of {worlds} worlds")
+    return [
+        ClosedLoopEnv(
+            settings.map,
+            worlds=worlds // len(settings.gaps),
+            vehicles=settings.vehicles,
+            gap=gap,
+            threads=threads,
+            desynchronise=True,
+        )
+        for gap in settings.gaps
+    ]
 
 
 def _seen(rollout: TensorDict) -> dict[str, float]:
@@ -201,10 +228,9 @@ def main(settings: PpoSettings) -> int:
     torch.set_num_threads(1)  # such small networks gain nothing from more
     begin = time.perf_counter()
     try:
-        gap = gap_decider(settings.gap)
-        folder = RunFolder.begin(
-            settings.run, settings.decisive(), gap_hash(gap), settings.resume, settings.tensorboard
-        )
+        deciders = [gap_decider(gap) for gap in settings.gaps]
+        hashes = " ".join(gap_hash(decider) for decider in deciders)
+        folder = RunFolder.begin(settings.run, settings.decisive(), hashes, settings.resume, settings.tensorboard)
         driver = train_driver(settings, folder)
         about: dict[str, Any] = {
             "made_by": "python -m agents.ppo",
@@ -212,11 +238,11 @@ def main(settings: PpoSettings) -> int:
             "map": settings.map,
         }
         about["validation_run"] = {}
-        for rule in dict.fromkeys((settings.gap, "critical_gap")):
-            run = validation_run(driver.policy, map=settings.map, gap=rule, seed=VALIDATION_SEED)
-            about["validation_run"][rule] = {key: round(value, 6) for key, value in dataclasses.asdict(run).items()}
-            print(f"2000 s with 12 vehicles, gaps by {rule}: {about['validation_run'][rule]}")
-        driving_policy(gap, driver.policy, about).save(settings.run / "ppo.policy")
+        for gap in dict.fromkeys((*settings.gaps, "critical_gap")):
+            run = validation_run(driver.policy, map=settings.map, gap=gap, seed=VALIDATION_SEED)
+            about["validation_run"][gap] = {key: round(value, 6) for key, value in dataclasses.asdict(run).items()}
+            print(f"2000 s with 12 vehicles, gaps by {gap}: {about['validation_run'][gap]}")
+        driving_policy(deciders[0], driver.policy, about).save(settings.run / "ppo.policy")
     except Interrupted:
         print(f"interrupted; --resume goes on from {settings.run}", file=sys.stderr)
         return 130

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import OrderedDict
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import partial
 from typing import Any
 
 import ray
@@ -30,13 +31,14 @@ class RemoteRollouts(RayCollector):  # type: ignore[misc]  # TorchRL is untyped
 
     def __init__(
         self,
-        make: Callable[[], ClosedLoopEnv | ReplayEnv],
+        make: Callable[[], list[ClosedLoopEnv] | list[ReplayEnv]],
         driver: Driver,
         *,
         frames_per_batch: int,
         total_frames: int,
         workers: int,
         cores: int,
+        environments: int,
     ) -> None:
         """Starts the workers, which then need a state.
 
@@ -46,10 +48,12 @@ class RemoteRollouts(RayCollector):  # type: ignore[misc]  # TorchRL is untyped
             frames_per_batch, total_frames: of all workers together.
             workers: how many.
             cores: that each worker takes.
+            environments: how many `make` makes, equally large ones.
 
         Raises:
             ChildProcessError: a worker failed, as for all methods.
         """
+        self.environments = environments
         with _workers_errors():
             super().__init__(
                 [make] * workers,
@@ -58,7 +62,7 @@ class RemoteRollouts(RayCollector):  # type: ignore[misc]  # TorchRL is untyped
                 frames_per_batch=frames_per_batch,
                 total_frames=total_frames,
                 sync=True,
-                postproc=_in_one_row,
+                postproc=partial(_batch, environments=environments),
                 weight_sync_schemes={},  # weights are few: they go by a call, without a process group beside Ray
                 remote_configs={"num_cpus": cores, "num_gpus": 0},
             )
@@ -78,7 +82,9 @@ class RemoteRollouts(RayCollector):  # type: ignore[misc]  # TorchRL is untyped
         """As of one `RolloutCollector` with all the worlds."""
         states = super().state_dict()
         parts = [state["env_state_dict"] for state in states]
-        whole = OrderedDict((name, torch.cat([part[name] for part in parts])) for name in parts[0])
+        whole = OrderedDict(
+            (name, _in_one_row(torch.stack([part[name] for part in parts]), self.environments)) for name in parts[0]
+        )
         return OrderedDict(
             policy_state_dict=states[0]["policy_state_dict"],
             env_state_dict=whole,
@@ -92,7 +98,11 @@ class RemoteRollouts(RayCollector):  # type: ignore[misc]  # TorchRL is untyped
         self.policy.load_state_dict(state_dict["policy_state_dict"], strict=strict)
         self.collected_frames = state_dict["frames"]
         share = {"frames": state_dict["frames"] // self.num_workers}
-        worlds = {name: whole.chunk(self.num_workers) for name, whole in state_dict["env_state_dict"].items()}
+        worlds = {
+            # the same with the parts swapped: environments come first in the whole, workers in the shares
+            name: _in_one_row(whole.unflatten(0, (self.environments, -1)), self.num_workers).chunk(self.num_workers)
+            for name, whole in state_dict["env_state_dict"].items()
+        }
         super().load_state_dict(
             [
                 # clones, as a view would be sent with all that it is a view of
@@ -107,8 +117,14 @@ class RemoteRollouts(RayCollector):  # type: ignore[misc]  # TorchRL is untyped
         self.map_fn("update_policy_weights_", [(weights.data,)] * self.num_workers)
 
 
-def _in_one_row(batches: TensorDictBase) -> TensorDictBase:
+def _in_one_row(parts: Any, inner: int) -> Any:
+    """(outer, inner * n, ...) to (inner * outer * n, ...): what all have of the first inner one comes first."""
+    count = parts.shape[1] // inner
+    return parts.unflatten(1, (inner, count)).transpose(0, 1).flatten(0, 2)
+
+
+def _batch(parts: TensorDictBase, environments: int) -> TensorDictBase:
     """(worker, world, ...) to (world, ...)."""
-    joined = batches.flatten(0, 1)
-    joined.names = batches.names[1:]
+    joined: TensorDictBase = _in_one_row(parts, environments)
+    joined.names = parts.names[1:]
     return joined

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import OrderedDict
 from collections.abc import Callable, Iterator, Sequence
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 import torch
@@ -17,6 +17,8 @@ from torchrl.envs.utils import ExplorationType
 from agents.driving import Driver
 from agents.worlds import ClosedLoopEnv, ReplayEnv
 from intersection_env.worlds import ClosedLoopWorlds, ReplayWorlds
+
+Worlds: TypeAlias = ClosedLoopWorlds | ReplayWorlds
 
 FEATURES = 12
 FLOATS = ("latent", "log_probability", "value_now", "value_next", "reward")
@@ -41,17 +43,23 @@ NEUTRAL: dict[str, tuple[Any, ...]] = {
 class Rollouts:
     """Steps worlds, many steps a call, into two buffers in turn."""
 
-    def __init__(self, worlds: ClosedLoopWorlds | ReplayWorlds, steps: int) -> None:
+    def __init__(self, worlds: Worlds | Sequence[Worlds], steps: int) -> None:
         """Buffers for rollouts of so many steps.
 
+        Args:
+            worlds: one batch of them, or several that differ in who decides about gaps, for instance.
+            steps: of each world in a rollout.
+
         Raises:
-            ValueError: there is less than one step.
+            ValueError: there is less than one step, or the batches differ in their vehicles.
         """
         if steps < 1:
             raise ValueError(f"steps is {steps}; wanted at least 1")
-        self.worlds, self.steps = worlds, steps
-        count, *vehicles = worlds.action.shape
-        self.shape = (count, steps, *vehicles)
+        self.batches = list(worlds) if isinstance(worlds, Sequence) else [worlds]
+        self.steps = steps
+        if len({batch.action.shape[1:] for batch in self.batches}) > 1:
+            raise ValueError("the batches of worlds differ in their vehicles")
+        self.shape = (sum(len(batch.action) for batch in self.batches), steps, *self.batches[0].action.shape[1:])
         self._buffers = [self._buffer(), self._buffer()]
 
     def collect(self, driver: Driver) -> TensorDict:
@@ -65,14 +73,17 @@ class Rollouts:
         Raises:
             RuntimeError: the worlds have not been reset.
         """
-        if not self.worlds.is_reset:
+        if not all(batch.is_reset for batch in self.batches):
             raise RuntimeError("the worlds must be reset before the first rollout")
         buffer = self._buffers.pop(0)
         self._buffers.append(buffer)
-        arrays = {name: tensor.numpy() for name, tensor in buffer.items()}
-        self.worlds.core.rollout(
-            driver.policy.packed(), driver.value.packed(), float(driver.sigma), self.steps, **arrays
-        )
+        policy, value, sigma = driver.policy.packed(), driver.value.packed(), float(driver.sigma)
+        first = 0
+        for batch in self.batches:
+            part = slice(first, first + len(batch.action))
+            arrays = {name: tensor[part].numpy() for name, tensor in buffer.items()}
+            batch.core.rollout(policy, value, sigma, self.steps, **arrays)
+            first = part.stop
         return self._named(buffer)
 
     def _buffer(self) -> dict[str, Tensor]:
@@ -118,10 +129,11 @@ class RolloutCollector(BaseCollector):  # type: ignore[misc]  # TorchRL is untyp
         post_collect_hook: Callable[[TensorDictBase], None] | None = None,
         **others: Any,
     ) -> None:
-        """A collector in one environment, which the first batch resets.
+        """A collector in one environment or several, which the first batch resets.
 
         Args:
-            create_env_fn: a `ClosedLoopEnv` or `ReplayEnv`, or what makes one; or a list of one of these.
+            create_env_fn: a `ClosedLoopEnv` or `ReplayEnv`, a list of such, or what makes one or a list; the worlds
+                of several stand one after the other in each batch.
             policy: what drives; read anew for each batch.
             frames_per_batch: worlds times steps times vehicles.
             total_frames: at which to stop, -1: never.
@@ -130,14 +142,14 @@ class RolloutCollector(BaseCollector):  # type: ignore[misc]  # TorchRL is untyp
 
         Raises:
             TypeError: an unknown argument, or no such environment.
-            ValueError: frames that make no whole number of steps, none at all, or an argument that asks for what is
-                not done here.
+            ValueError: environments that differ in their vehicles, frames that make no whole number of steps, none at
+                all, or an argument that asks for what is not done here.
         """
         super().__init__(pre_collect_hook=pre_collect_hook, post_collect_hook=post_collect_hook)
         _check_neutral(others)
-        self.env = _environment(create_env_fn)
+        self.envs = _environments(create_env_fn)
         self.policy = policy
-        agents = self.env.worlds.action.size
+        agents = sum(env.worlds.action.size for env in self.envs)
         if frames_per_batch < 1 or frames_per_batch % agents:
             raise ValueError(f"frames_per_batch is {frames_per_batch}; wanted a multiple of the {agents} agents")
         if total_frames < 1 and total_frames != -1:
@@ -145,7 +157,7 @@ class RolloutCollector(BaseCollector):  # type: ignore[misc]  # TorchRL is untyp
         self.frames_per_batch = self.requested_frames_per_batch = frames_per_batch
         self.total_frames = total_frames
         self.worker_idx = worker_idx
-        self._rollouts = Rollouts(self.env.worlds, frames_per_batch // agents)
+        self._rollouts = Rollouts([env.worlds for env in self.envs], frames_per_batch // agents)
         self._must_start = True
         self._frames, self._iter = 0, -1
 
@@ -168,14 +180,18 @@ class RolloutCollector(BaseCollector):  # type: ignore[misc]  # TorchRL is untyp
 
     def set_seed(self, seed: int, static_seed: bool = False) -> int:
         """Seeds the worlds, which start anew with the next batch; returns the seed for a next collector."""
-        following: int = self.env.set_seed(seed, static_seed=static_seed)
+        for env in self.envs:
+            seed = env.set_seed(seed, static_seed=static_seed)
         self._must_start = True
-        return following
+        return seed
 
     def state_dict(self) -> OrderedDict[str, Any]:
         """Everything that the next batches depend on; starts the worlds if that is due."""
         self._start_if_due()
-        worlds = OrderedDict((name, torch.from_numpy(_signed(array))) for name, array in self.env.state().items())
+        parts = [env.state() for env in self.envs]
+        worlds = OrderedDict(
+            (name, torch.from_numpy(_signed(np.concatenate([part[name] for part in parts])))) for name in parts[0]
+        )
         return OrderedDict(
             policy_state_dict=self.policy.state_dict(), env_state_dict=worlds, frames=self._frames, iter=self._iter
         )
@@ -184,18 +200,25 @@ class RolloutCollector(BaseCollector):  # type: ignore[misc]  # TorchRL is untyp
         """Goes on where `state_dict` was taken."""
         self.policy.load_state_dict(state_dict["policy_state_dict"], strict=strict)
         worlds = {name: tensor.numpy() for name, tensor in state_dict["env_state_dict"].items()}
-        self.env.set_state(worlds | {RANDOM: worlds[RANDOM].view(np.uint32)})
+        worlds[RANDOM] = worlds[RANDOM].view(np.uint32)
+        first = 0
+        for env in self.envs:
+            part = slice(first, first + len(env.worlds.action))
+            env.set_state({name: array[part] for name, array in worlds.items()})
+            first = part.stop
         self._must_start = False
         self._frames, self._iter = state_dict["frames"], state_dict["iter"]
 
     def shutdown(self, timeout: float | None = None, close_env: bool = True, raise_on_error: bool = True) -> None:
-        """Closes the environment."""
-        if close_env and not self.env.is_closed:
-            self.env.close(raise_if_closed=raise_on_error)
+        """Closes the environments."""
+        for env in self.envs if close_env else []:
+            if not env.is_closed:
+                env.close(raise_if_closed=raise_on_error)
 
     def _start_if_due(self) -> None:
         if self._must_start:
-            self.env.reset()
+            for env in self.envs:
+                env.reset()
             self._must_start = False
 
     def _maybe_fallback_update(
@@ -219,13 +242,17 @@ def _signed(array: NDArray[Any]) -> NDArray[Any]:
     return array.view(np.int32) if array.dtype == np.uint32 else array
 
 
-def _environment(create: Any) -> ClosedLoopEnv | ReplayEnv:
-    if isinstance(create, Sequence) and len(create) == 1:
-        create = create[0]
-    environment = create if isinstance(create, ClosedLoopEnv | ReplayEnv) or not callable(create) else create()
-    if not isinstance(environment, ClosedLoopEnv | ReplayEnv):
-        raise TypeError(f"create_env_fn gives {type(environment).__name__}; wanted one ClosedLoopEnv or ReplayEnv")
-    return environment
+def _environments(create: Any) -> list[ClosedLoopEnv | ReplayEnv]:
+    environments: list[ClosedLoopEnv | ReplayEnv] = []
+    for one in create if isinstance(create, Sequence) else [create]:
+        made = one if isinstance(one, ClosedLoopEnv | ReplayEnv) or not callable(one) else one()
+        environments += made if isinstance(made, Sequence) else [made]
+    if not environments:
+        raise TypeError("create_env_fn gives no environment")
+    for environment in environments:
+        if not isinstance(environment, ClosedLoopEnv | ReplayEnv):
+            raise TypeError(f"create_env_fn gives {type(environment).__name__}; wanted a ClosedLoopEnv or ReplayEnv")
+    return environments
 
 
 def _check_neutral(arguments: dict[str, Any]) -> None:

@@ -44,7 +44,7 @@ LAST_BYTES = 4096  # of the metrics, which hold the last line
 
 @contextmanager
 def rollout_collector(
-    make: Callable[..., ClosedLoopEnv | ReplayEnv],
+    make: Callable[..., list[ClosedLoopEnv] | list[ReplayEnv]],
     driver: Driver,
     *,
     worlds: int,
@@ -57,7 +57,7 @@ def rollout_collector(
     """The collector of a training, a batch an epoch; call its `update_policy_weights_()` when the driver has changed.
 
     Args:
-        make: makes an environment, given `worlds` and `threads`.
+        make: makes environments, equally large ones, given `threads` and how many `worlds` they have in all.
         driver: what drives.
         worlds: in all.
         steps: of each world in an epoch.
@@ -70,11 +70,12 @@ def rollout_collector(
         ValueError: workers that cannot share so many worlds, or more than Ray has cores for; Ray is not installed.
         ChildProcessError: a worker failed.
     """
-    if workers < 0 or worlds % max(workers, 1):
-        raise ValueError(f"workers is {workers}; wanted a number by which the {worlds} worlds can be divided, or 0")
-    env = make(worlds=worlds, threads=threads)
-    frames = env.worlds.action.size * steps
-    whole = RolloutCollector(env, driver, frames_per_batch=frames, total_frames=frames * epochs)
+    envs = make(worlds=worlds, threads=threads)
+    share = worlds // len(envs)
+    if workers < 0 or share % max(workers, 1):
+        raise ValueError(f"workers is {workers}; wanted a number by which {share} worlds can be divided, or 0")
+    frames = sum(env.worlds.action.size for env in envs) * steps
+    whole = RolloutCollector(envs, driver, frames_per_batch=frames, total_frames=frames * epochs)
     whole.set_seed(seed)
     with contextlib.ExitStack() as after:
         after.callback(whole.shutdown)
@@ -94,6 +95,7 @@ def rollout_collector(
             total_frames=frames * epochs,
             workers=workers,
             cores=cores,
+            environments=len(envs),
         )
         after.callback(shared.shutdown)
         shared.load_state_dict(whole.state_dict())

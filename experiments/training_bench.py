@@ -13,9 +13,8 @@ import torch
 
 from agents.driving import Driver, DrivingNetwork
 from agents.policy_update import PolicyUpdate
-from agents.ppo import PROFILES
+from agents.ppo import PROFILES, environments
 from agents.rollouts import Rollouts
-from intersection_env.worlds import ClosedLoopWorlds
 
 ROUNDS = 5
 
@@ -26,12 +25,13 @@ def training_rates() -> dict[str, float]:
     threads = torch.get_num_threads()
     torch.set_num_threads(1)
     torch.manual_seed(0)
-    worlds = ClosedLoopWorlds(settings.map, worlds=settings.worlds, vehicles=settings.vehicles, gap=settings.gap)
-    worlds.reset(0, desynchronise=True)
+    worlds = [env.worlds for env in environments(settings, worlds=settings.worlds, threads=1)]
+    for batch in worlds:
+        batch.reset(0, desynchronise=True)
     driver = Driver(DrivingNetwork(), DrivingNetwork(), settings.sigma)
     rollouts, generator = Rollouts(worlds, settings.steps), torch.Generator().manual_seed(0)
     update = PolicyUpdate(driver, dataclasses.replace(settings.update, passes=1))
-    steps = worlds.action.size * settings.steps
+    steps = sum(batch.action.size for batch in worlds) * settings.steps
 
     def best(work: Callable[[], object]) -> float:
         taken = []

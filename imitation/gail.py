@@ -11,7 +11,6 @@ import hashlib
 import sys
 import time
 from dataclasses import dataclass, field
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -129,7 +128,10 @@ def train_driver(
     discriminator = Discriminator.of(expert)
     loss = DiscriminatorLoss(discriminator, settings.discriminator, generator)
     optimizer = torch.optim.Adam(discriminator.parameters(), lr=settings.discriminator.learning_rate)
-    make = partial(ReplayEnv, scenes, split="train", gap=settings.gap, desynchronise=True)
+
+    def make(**shares: int) -> list[ReplayEnv]:
+        return [ReplayEnv(scenes, split="train", gap=settings.gap, desynchronise=True, **shares)]
+
     sharing = rollout_collector(
         make,
         driver,

@@ -34,7 +34,7 @@ from tests.training import cut_short, files, full_disk, killed, outcome, with_ot
 from tests.twins import random_case
 
 TINY = PpoSettings(
-    gap="critical_gap",
+    gaps=("critical_gap",),
     worlds=4,
     vehicles=6,
     steps=16,
@@ -282,7 +282,7 @@ def test_threads_change_no_byte_and_the_seed_does(tmp_path: Path) -> None:
 def test_main_writes_a_policy_that_drives_predictor_and_worlds(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    settings = replace(TINY, run=tmp_path / "run", gap="gap", tensorboard=True)
+    settings = replace(TINY, run=tmp_path / "run", gaps=("gap",), tensorboard=True)
     assert main(settings) == 0
     path = tmp_path / "run" / "ppo.policy"
     assert f"written: {path}" in capsys.readouterr().out
@@ -352,11 +352,13 @@ def test_validation_run_is_what_steps_by_hand_give() -> None:
 @pytest.mark.parametrize(
     ("settings", "message"),
     [
-        ({"gap": "idm"}, 'gap: the policy "idm" has no gap network'),
-        ({"gap": "missing.policy"}, "missing.policy"),
-        ({"gap": "hero"}, 'no policy "hero"'),
+        ({"gaps": ("idm",)}, 'gap: the policy "idm" has no gap network'),
+        ({"gaps": ("missing.policy",)}, "missing.policy"),
+        ({"gaps": ("hero",)}, 'no policy "hero"'),
         ({"map": "nowhere"}, "nowhere"),
         ({"worlds": 0}, "worlds"),
+        ({"gaps": ()}, "gaps: 0 cannot have equal shares of 4 worlds"),
+        ({"gaps": ("gap", "sumo"), "worlds": 3}, "gaps: 2 cannot have equal shares of 3 worlds"),
         ({"vehicles": 65}, "vehicles"),
         ({"steps": 0}, "frames_per_batch is 0"),
         ({"epochs": 0}, "total_frames is 0"),
@@ -375,7 +377,7 @@ def test_gap_policies_that_cannot_decide_are_refused(tmp_path: Path, capsys: pyt
     driving_policy(PolicyFile("sumo", "idm"), DrivingNetwork(), {}).save(tmp_path / "blind.policy")
     other = with_other_feature(gap_decider("gap"), tmp_path / "other.policy")
     for path, message in ((tmp_path / "blind.policy", "has no gap network"), (other, "yielder_speed_kmh")):
-        assert main(replace(TINY, run=tmp_path / "run", gap=str(path))) == 1
+        assert main(replace(TINY, run=tmp_path / "run", gaps=(str(path),))) == 1
         assert message in capsys.readouterr().err
     assert not (tmp_path / "run").exists(), "a run that never began has a folder"
 
@@ -387,7 +389,7 @@ def test_a_run_goes_on_with_its_own_settings_only(tmp_path: Path, capsys: pytest
         ({}, "holds a run already"),
         ({"resume": True, "seed": 1}, 'had "seed" = 0, not 1'),
         ({"resume": True, "update": UpdateSettings(clip=0.1)}, 'had "update"'),
-        ({"resume": True, "gap": "gap"}, 'had "gap"'),
+        ({"resume": True, "gaps": ("gap",)}, 'had "gaps"'),
     ):
         assert main(replace(TINY, run=tmp_path, **others)) == 1
         assert message in capsys.readouterr().err

@@ -17,12 +17,14 @@ from agents.ppo import PpoSettings, main, train_driver
 from agents.remote_rollouts import RemoteRollouts
 from agents.run_folder import CHECKPOINT, RunFolder, state_hash
 from agents.scale_out import LOCAL_RAY, rollout_collector
-from agents.worlds import ReplayEnv
+from agents.worlds import ClosedLoopEnv, ReplayEnv
 from tests.test_torchrl import Env, closed_loop, driver
 from tests.training import outcome, small_scenes
 
-TINY = PpoSettings(gap="critical_gap", worlds=4, vehicles=6, steps=16, epochs=4, checkpoint_every=3, threads=1)
-WORLDS, STEPS, EPOCHS = 6, 20, 5
+TINY = PpoSettings(
+    gaps=("critical_gap", "sumo"), worlds=4, vehicles=6, steps=16, epochs=4, checkpoint_every=3, threads=1
+)
+WORLDS, STEPS, EPOCHS = 8, 20, 5
 
 
 @pytest.fixture(autouse=True)
@@ -38,11 +40,15 @@ def _ray() -> Iterator[None]:
     ray.shutdown()
 
 
-def replay(**arguments: Any) -> ReplayEnv:
-    return ReplayEnv(small_scenes("train"), desynchronise=True, **arguments)
+def replay(**arguments: Any) -> list[ReplayEnv]:
+    return [ReplayEnv(small_scenes("train"), desynchronise=True, **arguments)]
 
 
-def collector_of(make: Callable[..., Env], of: Driver, workers: int, **others: Any) -> Any:
+def two_deciders(worlds: int, **arguments: Any) -> list[ClosedLoopEnv]:
+    return [closed_loop(worlds=worlds // 2, gap=gap, **arguments) for gap in ("critical_gap", "sumo")]
+
+
+def collector_of(make: Callable[..., list[Env]], of: Driver, workers: int, **others: Any) -> Any:
     arguments: dict[str, Any] = {"worlds": WORLDS, "steps": STEPS, "epochs": EPOCHS, "seed": 3, "threads": 1}
     return rollout_collector(make, of, workers=workers, **(arguments | others))
 
@@ -61,8 +67,8 @@ def change(of: Driver) -> None:
 
 @pytest.mark.ray
 @pytest.mark.usefixtures("_ray")
-@pytest.mark.parametrize("make", [closed_loop, replay])
-def test_workers_collect_what_one_collector_does(make: Callable[..., Env]) -> None:
+@pytest.mark.parametrize("make", [two_deciders, replay])
+def test_workers_collect_what_one_collector_does(make: Callable[..., list[Env]]) -> None:
     of = driver()
     twin = Driver(DrivingNetwork(), DrivingNetwork(), 0.3)
     twin.load_state_dict(of.state_dict())
@@ -134,9 +140,9 @@ def test_seeds_side_by_side_do_what_each_does_alone_and_one_may_fail(
 
 @pytest.mark.ray
 @pytest.mark.usefixtures("_ray")
-@pytest.mark.parametrize(("workers", "message"), [(4, "divided"), (-1, "divided"), (6, "take 6 cores; Ray has 2")])
+@pytest.mark.parametrize(("workers", "message"), [(3, "divided"), (-1, "divided"), (4, "take 4 cores; Ray has 2")])
 def test_workers_that_cannot_be_are_refused(workers: int, message: str) -> None:
-    with pytest.raises(ValueError, match=message), collector_of(closed_loop, driver(), workers):
+    with pytest.raises(ValueError, match=message), collector_of(two_deciders, driver(), workers):
         pass
 
 
@@ -146,7 +152,7 @@ def test_workers_that_cannot_be_are_refused(workers: int, message: str) -> None:
         ({"workers": 2}, "workers needs Ray, which is not installed: pip install -e '.[ray]'"),
         ({"seeds": (1, 2)}, "seeds needs Ray, which is not installed: pip install -e '.[ray]'"),
         ({"seeds": (1, 2), "workers": 2}, "--seeds and --workers do not go together"),
-        ({"workers": 3}, "the 4 worlds can be divided"),
+        ({"workers": 3}, "2 worlds can be divided"),
     ],
 )
 def test_what_cannot_be_had_without_ray_is_said(

@@ -539,6 +539,31 @@ def test_a_collector_goes_on_from_its_state(make: Callable[..., Env]) -> None:
     assert all((one == two).all() for one, two in zip(rest, again, strict=True))
 
 
+def test_a_collector_of_two_environments_collects_what_each_does_one_after_the_other() -> None:
+    def both() -> list[ClosedLoopEnv]:
+        return [closed_loop(gap="critical_gap"), closed_loop(gap="gap", worlds=4)]
+
+    of, frames = driver(), [count * 12 * 20 for count in (8, 4)]
+    together = RolloutCollector(both, of, frames_per_batch=sum(frames), total_frames=-1)
+    seed = together.set_seed(3)
+    alone = [
+        RolloutCollector(env, of, frames_per_batch=n, total_frames=-1) for env, n in zip(both(), frames, strict=True)
+    ]
+    following = 3
+    for one in alone:
+        following = one.set_seed(following)
+    assert following == seed
+    whole, parts = iter(together), [iter(one) for one in alone]
+    for _ in range(2):
+        assert (next(whole) == torch.cat([next(part) for part in parts])).all()
+    state = copy.deepcopy(together.state_dict())
+    expected = next(whole).clone()
+    next(whole)
+    together.load_state_dict(state)
+    assert (next(whole) == expected).all()
+    assert (next(whole) != expected).any()
+
+
 def test_a_collector_takes_weights_from_elsewhere() -> None:
     of, elsewhere = collector(), driver()
     of.update_policy_weights_()
@@ -574,6 +599,12 @@ def test_hooks_run_around_each_batch() -> None:
         ({"policy_device": "cuda"}, ValueError, "policy_device"),
         ({"frame_skip": 2}, TypeError, "frame_skip"),
         ({"create_env_fn": lambda: 3}, TypeError, "int"),
+        ({"create_env_fn": []}, TypeError, "no environment"),
+        (
+            {"create_env_fn": [closed_loop, lambda: closed_loop(vehicles=6, worlds=16)], "frames_per_batch": 192},
+            ValueError,
+            "differ in their vehicles",
+        ),
     ],
 )
 def test_what_a_collector_cannot_do_is_refused(arguments: dict[str, Any], error: type[Exception], message: str) -> None:
