@@ -11,7 +11,7 @@ import hashlib
 import sys
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import torch
 
@@ -19,6 +19,8 @@ from agents.driving import DrivingNetwork
 from agents.networks import GapNetwork
 from intersection_env.files import written_whole
 from intersection_env.policy import NetworkWeights, PolicyFile
+
+Network = TypeVar("Network", GapNetwork, DrivingNetwork)
 
 
 def policy_file(network: GapNetwork, about: Mapping[str, Any]) -> PolicyFile:
@@ -50,7 +52,22 @@ def gap_network(policy: PolicyFile) -> GapNetwork:
     if policy.gap_network is None:
         raise ValueError(f'the policy decides gaps by "{policy.gap}" and holds no gap network')
     weights = policy.gap_network
-    network = GapNetwork(weights.shift.tolist(), weights.scale.tolist())
+    return _filled(GapNetwork(weights.shift.tolist(), weights.scale.tolist()), weights)
+
+
+def driving_network(policy: PolicyFile) -> DrivingNetwork:
+    """The driving network of a policy file, as a torch module.
+
+    Raises:
+        ValueError: the policy drives by a rule.
+    """
+    if policy.driving_network is None:
+        raise ValueError(f'the policy drives by "{policy.driver}" and holds no driving network')
+    weights = policy.driving_network
+    return _filled(DrivingNetwork(weights.shift.tolist(), weights.scale.tolist()), weights)
+
+
+def _filled(network: Network, weights: NetworkWeights) -> Network:
     with torch.no_grad():
         for layer, (weight, bias) in zip(network.layers, weights.layers, strict=True):
             layer.weight.copy_(torch.from_numpy(weight))

@@ -162,7 +162,7 @@ def _watch(ray: Any, tasks: dict[int, Any], settings: dict[int, Any]) -> int:
                 for one in tasks.values():
                     ray.cancel(one)
             for seed in list(tasks):
-                row = _last_row(settings[seed].run / METRICS)
+                row = last_row(settings[seed].run / METRICS)
                 bars[seed].n = row.get("epoch", 0)
                 bars[seed].set_postfix(reward=f"{row.get('reward', 0.0):.2f}")
                 if tasks[seed] in ended:
@@ -183,7 +183,7 @@ def _ended(ray: Any, task: Any) -> tuple[bool, str]:
     return status != 0, printed
 
 
-def _last_row(metrics: Path) -> dict[str, Any]:
+def last_row(metrics: Path) -> dict[str, Any]:
     """The last whole line of a metrics file, {} if there is none."""
     if not metrics.exists():
         return {}

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+
+from tensordict import TensorDict
 
 from agents.driving import Driver, DrivingNetwork
 from agents.rollouts import Rollouts
@@ -43,8 +46,19 @@ def validation_run(
     worlds: int = 1,
     steps: int = STEPS,
     vehicles: int = 12,
+    watch: Callable[[TensorDict], None] | None = None,
 ) -> ValidationRun:
     """Drives by the mean action; worlds that end start anew.
+
+    Args:
+        policy: who drives.
+        map: a map's name or file, or the map itself.
+        gap: who decides about gaps, as of `ClosedLoopWorlds`.
+        seed: of the worlds.
+        worlds: side by side.
+        steps: of each.
+        vehicles: in each.
+        watch: is shown each part of the run, as `Rollouts.collect` gives it.
 
     Raises:
         ValueError, OSError: as of `ClosedLoopWorlds`.
@@ -58,6 +72,8 @@ def validation_run(
     parts = [Rollouts(simulated, PART)] * whole + ([Rollouts(simulated, rest)] if rest else [])
     for part in parts:
         data = part.collect(driver)
+        if watch is not None:
+            watch(data)
         paid, terminated = data["next", "reward"].double(), data["next", "terminated"]
         reward += float(paid.sum())
         kept += float(paid[~terminated].sum())

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Any, NamedTuple
+from dataclasses import dataclass, fields
+from typing import Any, Protocol
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
 from intersection_env.metrics import error_figures, time_loss
-from intersection_env.predictor import DT, STEPS, Predictor
+from intersection_env.predictor import DT, STEPS, Prediction
 from intersection_env.scenes import Scene, Scenes, Track
 from intersection_env.traffic import Traffic
 
@@ -19,8 +19,7 @@ HORIZONS = (2.0, 4.0, 6.0, 8.0, 10.0)  # [s], paper, Section IV-C
 EVERY = 1.0  # [s] ours: between two starts; nearer ones see nearly the same scene
 SCORED = ("car", "truck_bus")  # bicycles take part, but are not scored
 POPULATIONS = ("recorded", "extrapolated")
-_AT = np.round(np.array(HORIZONS) / DT).astype(np.int64)  # steps of the horizons
-_LEAST = int(_AT[0])
+_LEAST = round(HORIZONS[0] / DT)
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,14 +80,57 @@ def starts(scenes: Scenes) -> tuple[list[Start], dict[str, str]]:
     return found, refused
 
 
-def evaluate(predictor: Predictor, moments: Sequence[Start]) -> pd.DataFrame:
+class Forecaster(Protocol):
+    """What is evaluated: a `Predictor`, or whoever predicts as it does."""
+
+    name: str
+
+    def predict(self, traffic: Traffic, /) -> Prediction:
+        """The case in which nobody intervenes, as of `Predictor.predict`."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class Errors:
+    """What predictions got wrong, a column a vehicle and start.
+
+    distance: (time, sample) along the route, predicted minus recorded [m]; time_loss: (time, sample), lost since the
+    start [s]; both from now to 10 s. scored: (time, sample), a car or truck that is recorded then. recorded: (sample,),
+    at the start. recording: (sample,) of str.
+    """
+
+    distance: NDArray[np.float64]
+    time_loss: NDArray[np.float64]
+    scored: NDArray[np.bool_]
+    recorded: NDArray[np.bool_]
+    recording: NDArray[np.str_]
+
+    def of(self, population: str, step: int) -> NDArray[np.bool_]:
+        """(sample,) those of a population that are scored at a step."""
+        chosen: NDArray[np.bool_] = self.scored[step] & (self.recorded == (population == "recorded"))
+        return chosen
+
+
+def errors(forecaster: Forecaster, moments: Sequence[Start]) -> Errors:
+    """The errors of all vehicles; those of a start are predicted jointly.
+
+    Raises:
+        ValueError: no moments.
+    """
+    if not moments:
+        raise ValueError("no moments to evaluate a predictor on")
+    parts = [_errors(forecaster, start) for start in moments]
+    return Errors(*(np.concatenate([getattr(part, field.name) for part in parts], axis=-1) for field in fields(Errors)))
+
+
+def evaluate(forecaster: Forecaster, moments: Sequence[Start]) -> pd.DataFrame:
     """Errors of the predicted positions and time losses; all vehicles of a start are predicted jointly.
 
     Scored are cars and trucks, where they are recorded at the horizon: those recorded at the start too, and in
     rows of their own those extrapolated at the start, which are built from their own future.
 
     Args:
-        predictor: who predicts.
+        forecaster: who predicts.
         moments: as `starts` gives them.
 
     Returns:
@@ -100,37 +142,26 @@ def evaluate(predictor: Predictor, moments: Sequence[Start]) -> pd.DataFrame:
     Raises:
         ValueError: no moments.
     """
-    if not moments:
-        raise ValueError("no moments to evaluate a predictor on")
-    parts = zip(*(_errors(predictor, one) for one in moments), strict=True)
-    errors = _Errors(*(np.concatenate(part, axis=-1) for part in parts))
+    found = errors(forecaster, moments)
     rows = []
     for population in POPULATIONS:
-        for h, horizon in enumerate(HORIZONS):
-            chosen = errors.scored[h] & (errors.recorded == (population == "recorded"))
+        for horizon in HORIZONS:
+            step = round(horizon / DT)
+            chosen = found.of(population, step)
             if chosen.any():
-                far, late = error_figures(errors.distance[h, chosen]), error_figures(errors.time_loss[h, chosen])
+                far, late = error_figures(found.distance[step, chosen]), error_figures(found.time_loss[step, chosen])
                 figures = (far.rmse, far.mad, late.rmse, late.quantile_80, far.count)
-                rows.append((predictor.name, population, horizon, *figures))
+                rows.append((forecaster.name, population, horizon, *figures))
     columns = ["model", "population", "horizon", "rmse", "mad", "time_loss_rmse", "time_loss_q80", "count"]
     return pd.DataFrame(rows, columns=columns)
 
 
-class _Errors(NamedTuple):
-    """distance [m], time_loss [s], scored: (horizon, vehicle); recorded: (vehicle,), at the start."""
-
-    distance: NDArray[np.float64]
-    time_loss: NDArray[np.float64]
-    scored: NDArray[np.bool_]
-    recorded: NDArray[np.bool_]
-
-
-def _errors(predictor: Predictor, start: Start) -> _Errors:
+def _errors(forecaster: Forecaster, start: Start) -> Errors:
     traffic, tracks = start.traffic, start.tracks()
-    prediction = predictor.predict(traffic)
+    prediction = forecaster.predict(traffic)
     recorded = start.recorded()
     known = ~np.ma.getmaskarray(recorded)
-    lost = np.zeros((len(_AT), len(traffic)))
+    lost = np.zeros((STEPS + 1, len(traffic)))
     for i, track in enumerate(tracks):
         part, route, top_speed = start.future(track), int(traffic.route[i]), float(traffic.max_speed[i])
         truth = time_loss(traffic.intersection, route, track.position[part], track.speed[part], top_speed)
@@ -138,10 +169,12 @@ def _errors(predictor: Predictor, start: Start) -> _Errors:
         inside = slice(0, int(prediction.present[0, :, i].sum()) + 1)
         position, speed = (np.ascontiguousarray(one[0, inside, i]) for one in (prediction.position, prediction.speed))
         predicted = time_loss(traffic.intersection, route, position, speed, top_speed)
-        lost[:, i] = predicted[np.minimum(_AT, len(predicted) - 1)] - truth[np.minimum(_AT, len(truth) - 1)]
-    return _Errors(
-        distance=prediction.position[0, _AT].astype(np.float64) - recorded.data[_AT],
+        at = np.arange(STEPS + 1)
+        lost[:, i] = predicted[np.minimum(at, len(predicted) - 1)] - truth[np.minimum(at, len(truth) - 1)]
+    return Errors(
+        distance=prediction.position[0].astype(np.float64) - recorded.data,
         time_loss=lost,
-        scored=known[_AT] & np.array([track.road_user in SCORED for track in tracks], np.bool_),
+        scored=known & np.array([track.road_user in SCORED for track in tracks], np.bool_),
         recorded=known[0],
+        recording=np.full(len(traffic), start.scene.recording),
     )

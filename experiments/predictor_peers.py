@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from experiments.peers import MAP, NOT_INSTALLED, drivers, in_own_process, sumo_files
+from experiments.peers import MAP, NOT_INSTALLED, drivers, in_own_process, keep_present, sumo_files
 from experiments.timed_scenes import VEHICLES, both_networks, traffic
 from intersection_env import _core
 from intersection_env.map_source import MapSource
@@ -120,6 +120,7 @@ def libsumo_run(restores: bool) -> dict[str, Any]:
             libsumo.simulationStep()
         state = str(Path(folder) / "state.xml")
         libsumo.simulation.saveState(state)
+        keep_present(Path(state))
         libsumo.close()
         routes = command.index("-r")
         libsumo.start(command[:routes] + command[routes + 2 :])  # nobody else enters

@@ -64,7 +64,7 @@ class GailSettings:
     """Fallen to linearly."""
     sigma: float = 0.15
     """Deviation of the action before its tanh."""
-    last_sigma: float = 0.15
+    last_sigma: float = 0.05
     """Fallen to geometrically."""
     reward_scale: float = 0.1
     """Rewards are multiplied by it."""

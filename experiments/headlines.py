@@ -1,0 +1,93 @@
+"""The paper's headline figures with ours beside them, and whether ours reach the bars that we set ourselves."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+Json = Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class Row:
+    """One figure of the paper, ours beside it, and the bar we set ourselves."""
+
+    what: str
+    paper: str
+    ours: str
+    bar: str = ""
+    met: bool | None = None
+    command: str = "make reproduce"
+
+    def cells(self) -> tuple[str, ...]:
+        """As a table shows it."""
+        verdict = {None: "", True: "met", False: "**missed**"}[self.met]
+        return self.what, self.paper, self.ours, f"{self.bar}: {verdict}" if self.bar else "", f"`{self.command}`"
+
+
+def headlines(results: Json) -> Iterator[Row]:
+    """The paper's figures in its order."""
+    gap = results["gap_validation"]["foes"]["recorded"]["models"]
+    lead = gap["sumo"]["network_minus"]["accuracy"]
+    commands = {
+        name: f"python -m experiments.{name} --split validation" for name in ("gap", "crossing_order", "horizon")
+    }
+    yield Row("gap decision right, frames", "94.5 %", in_percent(gap["network"]["accuracy"]), command=commands["gap"])
+    yield Row("the same by SUMO's rule", "86.0 %", in_percent(gap["sumo"]["accuracy"]), command=commands["gap"])
+    yield Row("network minus SUMO's rule", "8.5", in_percent(lead), "above 0", lead["low"] > 0.0, commands["gap"])
+    order = results["order_validation"]["recorded"]["models"]["gail"]
+    right = order["accuracy"]
+    order_command = commands["crossing_order"]
+    yield Row("crossing order right", "83.6 %", in_percent(right), "83.6 %", right["value"] >= 0.836, order_command)
+    for other, name in (("priority_first", "priority first"), ("sumo_rule", "SUMO's rule")):
+        minus = order["minus"][other]
+        yield Row(f"that minus {name}", "", in_percent(minus), "above 0", minus["value"] > 0.0, order_command)
+    gail = results["horizon_validation"]["at_10s"]["gail"]
+    for key, what, paper, unit in (
+        ("distance_rmse", "distance RMSE at 10 s", "14 m", "m"),
+        ("distance_mad", "distance MAD at 10 s", "6 m", "m"),
+    ):
+        yield Row(what, paper, in_unit(gail[key], unit), command=commands["horizon"])
+        paper_ratio = {"distance_rmse": "0.6", "distance_mad": "0.8"}[key]
+        to_idm, to_best = gail[f"{key}_to_idm"], gail[f"{key}_to_idm_calibrated"]
+        met = to_idm["value"] <= float(paper_ratio)
+        yield Row("... to the IDM's", paper_ratio, in_unit(to_idm), f"at most {paper_ratio}", met, commands["horizon"])
+        met = to_best["value"] <= 0.8
+        yield Row("... to the calibrated IDM's", "", in_unit(to_best), "at most 0.8", met, commands["horizon"])
+    lost = gail["time_loss_rmse"]
+    met = lost["value"] <= 1.2
+    yield Row("time-loss RMSE at 10 s", "2.0 s", in_unit(lost, "s"), "at most 1.2 s", met, commands["horizon"])
+    yield Row("time-loss 80 % quantile", "2.3 s", in_unit(gail["time_loss_q80"], "s"), command=commands["horizon"])
+    yield from _closed_loop_rows(results["closed_loop"]["drivers"]["ppo"]["gap"])
+    yield from _runtime_rows(results["runtime"])
+
+
+def _closed_loop_rows(run: Json) -> Iterator[Row]:
+    command = "python -m experiments.closed_loop"
+    reward, collisions = run["reward"], run["longer"]["collisions"]
+    span = f"{run['collisions']:.1e}; in {run['longer']['seconds']:.0f} s {collisions['value']:.1e}"
+    span += f" [{collisions['low']:.1e}, {collisions['high']:.1e}]"
+    yield Row("PPO, 2000 s: mean reward", "0.4", f"{reward:.2f}", "at least 0.4", reward >= 0.4, command)
+    met = run["collisions"] < 1e-3
+    yield Row("... collisions a second and agent", "below 1e-3", span, "below 1e-3", met, command)
+    met = run["speed"] >= 6.0
+    yield Row("... mean speed", "6 m/s", f"{run['speed']:.1f} m/s", "at least 6 m/s", met, command)
+
+
+def _runtime_rows(runtime: Json) -> Iterator[Row]:
+    one, paper = runtime["models"]["ours"]["vehicles"]["15"]["mean"], runtime["paper"]
+    command = "python -m experiments.runtime"
+    yield Row("15 vehicles, 10 s, one core", "below 3.5 ms", f"{one:.3f} ms", "below 3.5 ms", one < 3.5, command)
+    count = runtime["maneuvers_per_cycle"]
+    wanted = paper["maneuvers_per_cycle"]
+    yield Row("maneuvers in 200 ms", f"over {wanted}", f"{count:,}", f"over {wanted}", count > wanted, command)
+
+
+def in_unit(found: Mapping[str, float], unit: str = "") -> str:
+    text = f"{found['value']:.2f} [{found['low']:.2f}, {found['high']:.2f}]"
+    return f"{text} {unit}".rstrip()
+
+
+def in_percent(found: Mapping[str, float]) -> str:
+    return f"{100.0 * found['value']:.1f} [{100.0 * found['low']:.1f}, {100.0 * found['high']:.1f}] %"

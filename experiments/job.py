@@ -1,0 +1,72 @@
+"""What the stages of `make reproduce` share: options, where things lie, and what was done."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any, Literal
+
+from experiments.stages import Stages
+
+
+@dataclass(frozen=True)
+class Options:
+    """Every table and figure of the paper, re-run."""
+
+    recordings: Path = Path("data/recordings")
+    """The folder of the recordings, in inD's format."""
+    map: str = "bendplatz"
+    """A shipped map's name, or the path of a .json or .map."""
+    seeds: tuple[int, ...] = (0, 1, 2)
+    """Of the drivers' trainings; the one with the least error on development is the policy that is reported."""
+    work: Path = Path("out/reproduce")
+    """The folder for scenes, runs and policies."""
+    out: Path = Path("experiments/results")
+    """The folder of the results and the report."""
+    only: Literal["everything", "training"] = "everything"
+    """Training alone, or all of it."""
+    ship: bool = False
+    """Copy the policies into the package."""
+    epochs: int | None = None
+    """Of the drivers' trainings, fewer than theirs: for trying this out."""
+    scenes_timed: int = 2000
+    """Random scenes for each number of vehicles, in the runtime figure."""
+
+
+class Job:
+    """The stages done so far, with what each needs of those before it."""
+
+    def __init__(self, options: Options) -> None:
+        self.options = options
+        self.stages = Stages(options.work)
+        self.keys: dict[str, str] = {}
+        self.names: list[str] = []
+
+    def policy(self, name: str) -> Path:
+        """Where a trained policy lies."""
+        return self.options.work / "policies" / f"{name}.policy"
+
+    @property
+    def scenes(self) -> Path:
+        """The scenes file."""
+        return self.options.work / "scenes.npz"
+
+    def run_of(self, name: str) -> Path:
+        """Where a training keeps what it needs to go on."""
+        return self.options.work / "runs" / name
+
+    def stage(self, name: str, after: Sequence[str], output: Path, work: Callable[[], None], **inputs: Any) -> None:
+        """A stage that depends on earlier ones, and on `inputs`."""
+        needs = {
+            "version": version("intersection_env"),
+            "inputs": inputs,
+            "after": {one: self.keys[one] for one in after},
+        }
+        self.keys[name] = self.stages.run(name, needs, output, work)
+        self.names.append(name)
+
+    def seconds(self) -> dict[str, float]:
+        """What each stage took [s], the last time it was done."""
+        return self.stages.seconds(self.names)

@@ -1,0 +1,58 @@
+"""Every table and figure of the paper, from the recordings on: trains, measures, and writes the report.
+
+python -m experiments.reproduce --recordings data/recordings
+python -m experiments.reproduce --only training --ship       what ships in intersection_env/policies
+
+What was done before with the same options is not done again, and a training that was interrupted goes on. The
+validation recordings are read by the last stages alone, for the report.
+"""
+
+from __future__ import annotations
+
+import shutil
+import sys
+import time
+
+import torch
+import tyro
+
+from experiments.job import Job, Options
+from experiments.measurements import Measurements
+from experiments.report import write_report
+from experiments.stages import StageFailedError
+from experiments.trainings import Trainings
+from intersection_env.predictor import POLICIES
+
+TRAINED = ("gap", "idm_calibrated", "ppo", "gail")
+"""Policies that ship."""
+
+
+def main(options: Options) -> int:
+    """Does all stages that are not done; returns the exit status."""
+    torch.set_num_threads(1)  # such small networks gain nothing from more
+    begin = time.perf_counter()
+    try:
+        job = Job(options)
+        Trainings(job).run()
+        if options.ship:
+            for name in TRAINED:
+                shutil.copyfile(job.policy(name), POLICIES / f"{name}.policy")
+            print(f"written: {', '.join(TRAINED)} in {POLICIES}")
+        if options.only == "everything":
+            Measurements(job).run()
+            write_report(options.out)
+    except KeyboardInterrupt:
+        print("\ninterrupted; the same command goes on from here", file=sys.stderr)
+        return 130
+    except StageFailedError as failure:
+        print(f"error: {failure}", file=sys.stderr)
+        return failure.status
+    except (OSError, ValueError) as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 1
+    print(f"done in {(time.perf_counter() - begin) / 60.0:.0f} min")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(tyro.cli(Options)))
