@@ -37,6 +37,7 @@ BOUNDS = {
 """What is searched, and where; the hardest braking stays as it is."""
 HORIZONS = (10, 20, 30, 40, 50)  # steps: 2, 4, ..., 10 s
 POPULATION, SEED = 8, 0  # of the search, in units of the number of parameters
+ROUNDS = 15  # of the search
 
 
 @dataclass(frozen=True)
@@ -117,7 +118,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--scenes", type=Path, default=Path("out/scenes.npz"), help="the scenes file")
     parser.add_argument("--gap", default="gap", help="who decides about gaps: a policy, critical_gap or sumo")
     parser.add_argument("--every", type=float, default=4.0, help="seconds between the moments predicted from")
-    parser.add_argument("--rounds", type=int, default=15, help="of the search")
+    parser.add_argument("--rounds", type=int, default=ROUNDS, help="of the search")
     parser.add_argument("--out", type=Path, default=Path("out/idm_calibrated.policy"), help="the policy file to write")
     options = parser.parse_args(arguments)
     begin = time.perf_counter()

@@ -29,8 +29,8 @@ class Options:
     """Training alone, or all of it."""
     ship: bool = False
     """Copy the policies into the package."""
-    epochs: int | None = None
-    """Of the drivers' trainings, fewer than theirs: for trying this out."""
+    effort: float = 1.0
+    """Share of the epochs of each training; less is for trying this out."""
     scenes_timed: int = 2000
     """Random scenes for each number of vehicles, in the runtime figure."""
 

@@ -7,7 +7,8 @@ import shutil
 from collections.abc import Callable
 from pathlib import Path
 
-from agents.idm import distance_error, moments
+from agents.gap import PROFILES as GAP_PROFILES
+from agents.idm import ROUNDS, distance_error, moments
 from agents.ppo import PROFILES as PPO_PROFILES
 from agents.run_folder import file_hash
 from data.build import build
@@ -35,16 +36,16 @@ class Trainings:
     def run(self) -> None:
         """Scenes, gap network, calibrated IDM, PPO, GAIL; of the last two one a seed, and then the best."""
         options, seeds = self.options, list(self.options.seeds)
-        epochs = {"ppo": PPO_PROFILES["fast"][1].epochs, "gail": GAIL_PROFILES["default"][1].epochs}
-        if options.epochs is not None:
-            epochs = dict.fromkeys(epochs, options.epochs)
         hashes = {path.name: file_hash(path) for path in sorted(options.recordings.glob("*")) if path.is_file()}
-        stage, policy = self.job.stage, self.job.policy
+        stage, policy, effort = self.job.stage, self.job.policy, options.effort
         stage("scenes", [], self.job.scenes, self._scenes, recordings=hashes, map=options.map)
-        stage("gap", ["scenes"], policy("gap"), self._gap)
-        stage("idm", ["gap"], policy("idm_calibrated"), self._idm)
-        stage("ppo", ["gap"], policy("ppo"), lambda: self._ppo(epochs["ppo"]), seeds=seeds, epochs=epochs)
-        stage("gail", ["ppo"], policy("gail"), lambda: self._gail(epochs["gail"]))
+        stage("gap", ["scenes"], policy("gap"), self._gap, effort=effort)
+        stage("idm", ["gap"], policy("idm_calibrated"), self._idm, effort=effort)
+        stage("ppo", ["gap"], policy("ppo"), self._ppo, seeds=seeds, effort=effort)
+        stage("gail", ["ppo"], policy("gail"), self._gail, effort=effort)
+
+    def _epochs(self, whole: int) -> str:
+        return str(max(1, round(self.options.effort * whole)))
 
     def _scenes(self) -> None:
         intersection = Intersection.load(self.options.map)
@@ -56,17 +57,19 @@ class Trainings:
         scenes.save(self.job.scenes)
 
     def _gap(self) -> None:
-        run = self.job.run_of("gap")
-        run_module("agents.gap", "default", "--scenes", str(self.job.scenes), "--run", str(run), "--resume")
+        run, epochs = self.job.run_of("gap"), self._epochs(GAP_PROFILES["default"][1].epochs)
+        arguments = ["--scenes", str(self.job.scenes), "--run", str(run), "--epochs", epochs]
+        run_module("agents.gap", "default", *arguments, "--resume")
         self._keep(run / "gap.policy", "gap")
 
     def _idm(self) -> None:
-        gap, out = str(self.job.policy("gap")), str(self.job.policy("idm_calibrated"))
-        run_module("agents.idm", "--scenes", str(self.job.scenes), "--gap", gap, "--out", out)
+        arguments = ["--scenes", str(self.job.scenes), "--gap", str(self.job.policy("gap"))]
+        arguments += ["--rounds", self._epochs(ROUNDS), "--out", str(self.job.policy("idm_calibrated"))]
+        run_module("agents.idm", *arguments)
 
-    def _ppo(self, epochs: int) -> None:
+    def _ppo(self) -> None:
         arguments = ["--map", self.options.map, "--gaps", str(self.job.policy("gap")), "critical_gap"]
-        self._seeds("ppo", epochs, lambda seed: ["agents.ppo", "fast", *arguments])
+        self._seeds("ppo", PPO_PROFILES["fast"][1].epochs, lambda seed: ["agents.ppo", "fast", *arguments])
 
         def reward(path: Path) -> float:
             runs = PolicyFile.read(path).about["validation_run"].values()
@@ -74,27 +77,28 @@ class Trainings:
 
         self._best("ppo", reward)
 
-    def _gail(self, epochs: int) -> None:
+    def _gail(self) -> None:
         arguments = ["--scenes", str(self.job.scenes), "--decider", str(self.job.policy("gap"))]
-        self._seeds(
-            "gail",
-            epochs,
-            lambda seed: ["imitation.gail", "default", *arguments, "--ppo", str(self.job.run_of(f"ppo_{seed}"))],
-        )
+
+        def command(seed: int) -> list[str]:
+            return ["imitation.gail", "default", *arguments, "--ppo", str(self.job.run_of(f"ppo_{seed}"))]
+
+        self._seeds("gail", GAIL_PROFILES["default"][1].epochs, command)
         asked = moments(Scenes.load(self.job.scenes).select("development"), BETWEEN_MOMENTS)
         self._best("gail", lambda path: -distance_error(Predictor.load(path), asked))
 
     def _seeds(self, name: str, epochs: int, command: Callable[[int], list[str]]) -> None:
-        cores = os.cpu_count() or 1
+        """Trains a driver with each seed, as many at a time as there are cores."""
+        cores, wanted = os.cpu_count() or 1, self._epochs(epochs)
         at_once = min(cores, len(self.options.seeds))
-        common = ["--epochs", str(epochs), "--threads", str(cores // at_once), "--resume"]
         trainings = {}
         for seed in self.options.seeds:
             run = self.job.run_of(f"{name}_{seed}")
-            trainings[run] = [*command(seed), *common, "--seed", str(seed), "--run", str(run)]
-        run_trainings(trainings, epochs, at_once)
-        for seed in self.options.seeds:
-            self._keep(self.job.run_of(f"{name}_{seed}") / f"{name}.policy", f"{name}_{seed}")
+            arguments = ["--seed", str(seed), "--run", str(run), "--epochs", wanted]
+            trainings[run] = [*command(seed), *arguments, "--threads", str(cores // at_once), "--resume"]
+        run_trainings(trainings, int(wanted), at_once)
+        for run in trainings:
+            self._keep(run / f"{name}.policy", run.name)
 
     def _best(self, name: str, merit: Callable[[Path], float]) -> None:
         merits = {seed: merit(self.job.policy(f"{name}_{seed}")) for seed in self.options.seeds}

@@ -1,0 +1,200 @@
+"""What each part is worth: trainings with one thing changed, measured on the development recordings.
+
+python -m experiments.ablations        (`make ablations`; goes on from the trainings of `make reproduce`)
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import os
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import torch
+import tyro
+
+from agents.export import driving_network
+from agents.gap import PROFILES as GAP_PROFILES
+from experiments.crossing_order import order_results
+from experiments.evaluation import errors, starts
+from experiments.horizon import horizon_results
+from experiments.job import Job, Options
+from experiments.stages import StageFailedError, run_trainings
+from experiments.trainings import Trainings
+from imitation.gail import PROFILES as GAIL_PROFILES
+from imitation.replay_error import replay_error
+from intersection_env.files import written_whole
+from intersection_env.policy import PolicyFile
+from intersection_env.predictor import Predictor
+from intersection_env.scenes import Scenes
+
+GAP = {
+    "noise of half the paper's (default)": [],
+    "no input noise": ["--noise", "0"],
+    "the paper's input noise": ["--noise", "1"],
+}
+"""Options of `agents.gap`."""
+GAIL = {
+    "GAIL (default)": [],
+    "no gradient penalty": ["--discriminator.gradient-penalty", "0"],
+    "no smoothed labels, no noise on inputs": ["--discriminator.smoothing", "0", "--discriminator.noise", "0"],
+    "neither of these": [
+        *("--discriminator.gradient-penalty", "0", "--discriminator.smoothing", "0", "--discriminator.noise", "0"),
+    ],
+    "noise of actions does not fall": ["--last-sigma", str(GAIL_PROFILES["default"][1].sigma)],
+    "delta from the gap network": ["--gap", "{gap}"],
+    "from random networks, without PPO": ["--ppo", "None"],
+}
+"""Options of `imitation.gail`; {gap} is the gap network's policy file."""
+SEED = "0"
+
+
+class Ablations:
+    """The stages of the ablations."""
+
+    def __init__(self, job: Job) -> None:
+        self.job = job
+        self.output = job.options.out / "ablations.json"
+
+    def run(self) -> None:
+        """Trains each variant that has not been trained, and measures all."""
+        changes = {"gap": GAP, "gail": GAIL}
+        self.job.stage("ablations", ["gail"], self.output, self._all, changes=changes, effort=self.job.options.effort)
+
+    def _all(self) -> None:
+        gap = {name: self._folder("gap", place) for place, name in enumerate(GAP)}
+        gail = {name: self._folder("gail", place) for place, name in enumerate(GAIL)}
+        scenes, policy = str(self.job.scenes), str(self.job.policy("gap"))
+        self._train(
+            {gap[name]: ["agents.gap", "default", "--scenes", scenes, *options] for name, options in GAP.items()},
+            GAP_PROFILES["default"][1].epochs,
+        )
+        ppo = str(self.job.run_of(f"ppo_{self.job.options.seeds[0]}"))
+        common = ["imitation.gail", "default", "--scenes", scenes, "--decider", policy, "--threads", "1"]
+        start = ["--ppo", ppo]
+        self._train(
+            {
+                gail[name]: [
+                    *common,
+                    *([] if "--ppo" in options else start),
+                    *(one.format(gap=policy) for one in options),
+                ]
+                for name, options in GAIL.items()
+            },
+            GAIL_PROFILES["default"][1].epochs,
+        )
+        content = {"gap": self._gaps(gap), "gail": self._drivers(gail)}
+        with written_whole(self.output) as temporary:
+            temporary.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
+
+    def _folder(self, kind: str, place: int) -> Path:
+        return self.job.run_of(f"ablation_{kind}_{place}")
+
+    def _train(self, commands: Mapping[Path, list[str]], epochs: int) -> None:
+        wanted = max(1, round(self.job.options.effort * epochs))
+        common = ["--seed", SEED, "--epochs", str(wanted), "--resume"]
+        trainings = {run: [*command, *common, "--run", str(run)] for run, command in commands.items()}
+        run_trainings(trainings, wanted, os.cpu_count() or 1)
+
+    def _gaps(self, runs: Mapping[str, Path]) -> dict[str, Any]:
+        """Per variant: how often frames are decided rightly, and what comes of it with the calibrated IDM."""
+        idm = PolicyFile.read(self.job.policy("idm_calibrated"))
+        found = {}
+        for name, run in runs.items():
+            policy = PolicyFile.read(run / "gap.policy")
+            frames = policy.about["development"]
+            predictor = Predictor(dataclasses.replace(idm, gap_network=policy.gap_network), name)
+            found[name] = {"frames": {foes: row["accuracy"] for foes, row in frames.items()}, **self._joint(predictor)}
+        return found
+
+    def _drivers(self, runs: Mapping[str, Path]) -> dict[str, Any]:
+        """Per variant: driving alone among recorded vehicles, and predicting all."""
+        scenes = Scenes.load(self.job.scenes)
+        policies = {"PPO alone, without GAIL": self.job.run_of(f"ppo_{self.job.options.seeds[0]}") / "ppo.policy"}
+        policies |= {name: run / "gail.policy" for name, run in runs.items()}
+        found = {}
+        for name, path in policies.items():
+            policy = PolicyFile.read(path)
+            alone = replay_error(driving_network(policy), scenes, "development")
+            found[name] = {"alone": dataclasses.asdict(alone), **self._joint(Predictor(policy, name))}
+        return found
+
+    def _joint(self, predictor: Predictor) -> dict[str, Any]:
+        """Errors after 10 s of vehicles recorded at the start and then, and how often crossing orders are right."""
+        moments, _ = starts(Scenes.load(self.job.scenes).select("development"))
+        order = order_results([predictor], moments)["recorded"]["models"][predictor.name]
+        at_10s = horizon_results({predictor.name: errors(predictor, moments)})["at_10s"][predictor.name]
+        return {"order": order["accuracy"], **at_10s}
+
+
+def main(options: Options) -> int:
+    """Does what is not done yet; returns the exit status."""
+    torch.set_num_threads(1)  # such small networks gain nothing from more
+    try:
+        job = Job(options)
+        Trainings(job).run()
+        Ablations(job).run()
+    except KeyboardInterrupt:
+        print("\ninterrupted; the same command goes on from here", file=sys.stderr)
+        return 130
+    except StageFailedError as failure:
+        print(f"error: {failure}", file=sys.stderr)
+        return failure.status
+    except (OSError, ValueError) as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 1
+    print(table(json.loads((options.out / "ablations.json").read_text(encoding="utf-8"))))
+    return 0
+
+
+def table(results: Mapping[str, Any]) -> str:
+    """Both tables as Markdown."""
+    return f"{gap_table(results['gap'])}\n\n{gail_table(results['gail'])}"
+
+
+def gap_table(rows: Mapping[str, Any]) -> str:
+    """Markdown of the gap networks."""
+    lines = ["| gap network | frames right, recorded [%] | all [%] | crossing order right [%] | RMSE [m] | MAD [m] |"]
+    lines.append("|---" * 6 + "|")
+    for name, row in rows.items():
+        frames = [f"{100.0 * row['frames'][foes]:.1f}" for foes in ("recorded", "all")]
+        order = _percent(row["order"])
+        cells = [*frames, order, *(_metres(row[key]) for key in ("distance_rmse", "distance_mad"))]
+        lines.append(f"| {name} | {' | '.join(cells)} |")
+    return "\n".join(lines)
+
+
+def gail_table(rows: Mapping[str, Any]) -> str:
+    """Markdown of the drivers."""
+    heads = (
+        "driver",
+        "alone: RMSE [m]",
+        "MAD [m]",
+        "collided [%]",
+        "line run [%]",
+        "all predicted: RMSE [m]",
+        "MAD [m]",
+    )
+    lines = [f"| {' | '.join(heads)} |", "|---" * len(heads) + "|"]
+    for name, row in rows.items():
+        alone = row["alone"]
+        cells = [f"{alone['rmse']:.1f}", f"{alone['mad']:.1f}"]
+        cells += [f"{100.0 * alone[key]:.1f}" for key in ("collisions", "line_runs")]
+        cells += [_metres(row[key]) for key in ("distance_rmse", "distance_mad")]
+        lines.append(f"| {name} | {' | '.join(cells)} |")
+    return "\n".join(lines)
+
+
+def _metres(found: Mapping[str, float]) -> str:
+    return f"{found['value']:.1f} [{found['low']:.1f}, {found['high']:.1f}]"
+
+
+def _percent(found: Mapping[str, float]) -> str:
+    return f"{100.0 * found['value']:.1f} [{100.0 * found['low']:.1f}, {100.0 * found['high']:.1f}]"
+
+
+if __name__ == "__main__":
+    sys.exit(main(tyro.cli(Options)))
