@@ -8,8 +8,9 @@ PIP := $(VENV)/bin/pip install --quiet --disable-pip-version-check -c constraint
 CORE := $(shell find intersection_env/core -type f)
 CXX_SOURCES := $(filter %.hpp %.cpp,$(CORE)) $(wildcard examples/*/*.cpp tests/fuzz/*.hpp tests/fuzz/*.cpp tests/cpp/*.cpp)
 RECORDINGS ?= data/recordings
+SEEDS ?= 0 1 2
 
-.PHONY: demo setup check test harden bench train gap maps recordings recorded statistics pages format clean
+.PHONY: demo setup check test harden bench reproduce ablations train gap maps recordings recorded statistics pages format clean
 
 demo: $(VENV)/.package
 	$(RUN) -m experiments.demo --recordings $(RECORDINGS)
@@ -42,13 +43,20 @@ recordings: setup
 recorded: $(VENV)/.package
 	$(RUN) -m data.build data/recordings --map bendplatz --out intersection_env/recorded/bendplatz.npz
 
-# All that is learned from recordings, in turn, each on what came before: the policy files that ship. `make gap`: the
-# first alone. A training that was interrupted goes on with `RESUME=--resume`.
-train: gap
-	$(RUN) -m agents.idm --scenes out/scenes.npz --out intersection_env/policies/idm_calibrated.policy
-	$(RUN) -m agents.ppo fast --run runs/ppo $(RESUME)
-	cp runs/ppo/ppo.policy intersection_env/policies/ppo.policy
+# Every table and figure of the paper: trains, measures, writes experiments/results/report.html. Goes on where it was
+# interrupted.
+reproduce: setup
+	$(RUN) -m experiments.reproduce --recordings $(RECORDINGS) --seeds $(SEEDS)
 
+# What each part is worth, on the development recordings; trains first what is not trained yet.
+ablations: setup
+	$(RUN) -m experiments.ablations --recordings $(RECORDINGS) --seeds $(SEEDS)
+
+# The training half of `make reproduce`, whose policies then ship.
+train: setup
+	$(RUN) -m experiments.reproduce --recordings $(RECORDINGS) --seeds $(SEEDS) --only training --ship
+
+# The gap network alone.
 gap: setup
 	$(RUN) -m data.build $(RECORDINGS) --map bendplatz --out out/scenes.npz
 	$(RUN) -m agents.gap default --scenes out/scenes.npz --run runs/gap $(RESUME)

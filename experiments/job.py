@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import hashlib
+import json
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from importlib.metadata import version
@@ -18,7 +20,7 @@ class Options:
     recordings: Path = Path("data/recordings")
     """The folder of the recordings, in inD's format."""
     map: str = "bendplatz"
-    """A shipped map's name, or the path of a .json or .map."""
+    """A shipped map's name."""
     seeds: tuple[int, ...] = (0, 1, 2)
     """Of the drivers' trainings; the one with the least error on development is the policy that is reported."""
     work: Path = Path("out/reproduce")
@@ -36,9 +38,19 @@ class Options:
 
 
 class Job:
-    """The stages done so far, with what each needs of those before it."""
+    """The stages done so far, with what each needs of those before it; the first one is "scenes".
+
+    Raises:
+        ValueError: no seeds, no effort or no scenes to time.
+    """
 
     def __init__(self, options: Options) -> None:
+        if not options.seeds:
+            raise ValueError("--seeds names no seed; wanted at least one")
+        if not options.effort > 0.0:
+            raise ValueError(f"--effort is {options.effort:g}; wanted more than 0")
+        if options.scenes_timed < 1:
+            raise ValueError(f"--scenes-timed is {options.scenes_timed}; wanted at least 1")
         self.options = options
         self.stages = Stages(options.work)
         self.keys: dict[str, str] = {}
@@ -54,8 +66,12 @@ class Job:
         return self.options.work / "scenes.npz"
 
     def run_of(self, name: str) -> Path:
-        """Where a training keeps what it needs to go on."""
-        return self.options.work / "runs" / name
+        """Where a training keeps what it needs to go on; a folder apart for other scenes, or another effort.
+
+        A training cannot go on with those. With more seeds it can, so these are no part of it.
+        """
+        decisive = json.dumps([self.keys["scenes"], self.options.effort])
+        return self.options.work / "runs" / hashlib.sha256(decisive.encode()).hexdigest()[:8] / name
 
     def stage(self, name: str, after: Sequence[str], output: Path, work: Callable[[], None], **inputs: Any) -> None:
         """A stage that depends on earlier ones, and on `inputs`."""

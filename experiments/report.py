@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import markdown
+from matplotlib import rc_context
 
 from experiments import closed_loop, crossing_order, horizon, maneuver_gain, runtime_figure
 from experiments.headlines import headlines, in_unit
@@ -36,11 +37,21 @@ NAMES = {
 }
 ERRORS = ("distance_rmse", "distance_mad", "time_loss_rmse", "time_loss_q80")
 STYLE = """
-body { font: 16px/1.5 system-ui, sans-serif; color: #1d1d1b; max-width: 62rem; margin: 2rem auto; padding: 0 1rem; }
+:root { color-scheme: light dark; --ink: #1d1d1b; --page: #fff; --line: #ddd; --quiet: #f3f3f0; }
+@media (prefers-color-scheme: dark) { :root { --ink: #e6e6e2; --page: #1b1b1a; --line: #444; --quiet: #2b2b29; } }
+body { font: 16px/1.5 system-ui, sans-serif; color: var(--ink); background: var(--page); max-width: 76rem;
+  margin: 2rem auto; padding: 0 1rem; }
+h1, h2 { line-height: 1.2; } h2 { margin-top: 2.5rem; } p { max-width: 46rem; }
 table { border-collapse: collapse; margin: 1rem 0; display: block; overflow-x: auto; font-size: 14px; }
-th, td { border-bottom: 1px solid #ddd; padding: .3rem .7rem .3rem 0; text-align: left; vertical-align: top; }
-th { border-bottom: 2px solid #888; } code { background: #f3f3f0; padding: 0 .2rem; } svg { max-width: 100%; }
-h1, h2 { line-height: 1.2; } h2 { margin-top: 2.5rem; }
+th, td { border-bottom: 1px solid var(--line); padding: .3rem 1rem .3rem 0; text-align: left; vertical-align: top;
+  white-space: nowrap; }
+th { border-bottom: 2px solid #888; vertical-align: bottom; }
+td:first-child { position: sticky; left: 0; background: var(--page); white-space: normal; min-width: 7rem; }
+code { background: var(--quiet); padding: 0 .2rem; font-size: .9em; }
+td code { padding: 0; background: none; }
+pre { background: var(--quiet); padding: .7rem; overflow-x: auto; font-size: 13px; line-height: 1.4; }
+pre code { padding: 0; background: none; font-size: inherit; }
+figure { margin: 1rem 0; } svg { max-width: 100%; height: auto; background: #fff; }
 """
 
 Json = Mapping[str, Any]
@@ -51,8 +62,9 @@ def write_report(out: Path) -> None:
 
     Raises:
         OSError: a results file cannot be read, or the report not written.
+        ValueError: a results file is not JSON.
     """
-    results = {name: json.loads((out / f"{name}.json").read_text(encoding="utf-8")) for name in RESULTS}
+    results = {name: _read(out / f"{name}.json") for name in RESULTS}
     about, seconds = (results["reproduced"][key] for key in ("about", "seconds"))
     _write(out / "summary.json", json.dumps(summary(results, about, seconds), indent=1) + "\n")
     pictures = {
@@ -61,9 +73,11 @@ def write_report(out: Path) -> None:
         "maneuvers": maneuver_gain.plot(results["maneuvers_validation"]),
         "accelerations": closed_loop.plot(results["closed_loop"], ("ppo", "gail")),
     }
-    for name, figure in pictures.items():
-        for suffix in ("svg", "pdf"):
-            write_figure(figure, out / "figures" / f"{name}.{suffix}")
+    # the same ids each time; and TrueType, as publishers refuse matplotlib's default, Type 3
+    with rc_context({"svg.hashsalt": "report", "pdf.fonttype": 42}):
+        for name, figure in pictures.items():
+            for suffix in ("svg", "pdf"):
+                write_figure(figure, out / "figures" / f"{name}.{suffix}")
     text = report(results, about, seconds)
     _write(out / "report.md", text)
     _write(out / "report.html", page(text, out))
@@ -139,6 +153,8 @@ def _extrapolated_table(found: Json) -> str:
     rows = []
     for name in (one for one in NAMES if one in found["models"]):
         curves = found["models"][name]["extrapolated"]
+        if not curves["count"][-1]:
+            continue
         figures = [curves["distance"]["rmse"], curves["distance"]["mad"], curves["time_loss"]["rmse"]]
         rows.append((NAMES[name], *(f"{one[-1]:.2f}" for one in figures), str(curves["count"][-1])))
     return _table(("", "RMSE [m]", "MAD [m]", "time loss RMSE [s]", "samples"), rows)
@@ -189,15 +205,24 @@ def page(text: str, folder: Path) -> str:
     body = markdown.markdown(text, extensions=["tables", "fenced_code"])
 
     def picture(found: re.Match[str]) -> str:
-        svg = (folder / found[2]).read_text(encoding="utf-8")
-        return f'<figure role="img" aria-label="{found[1]}">{svg[svg.index("<svg") :]}</figure>'
+        file = folder / found[2]
+        svg = file.read_text(encoding="utf-8")
+        own = re.sub(r'( id="|href="#|url\(#)', rf"\g<1>{file.stem}-", svg[svg.index("<svg") :])  # not another figure's
+        return f'<figure role="img" aria-label="{found[1]}">{own}</figure>'
 
-    body = re.sub(r'<img alt="([^"]*)" src="([^"]*)" />', picture, body)
+    body = re.sub(r'<p><img alt="([^"]*)" src="([^"]*)" /></p>', picture, body)
     return (
         f'<!doctype html>\n<html lang="en">\n<head><meta charset="utf-8"><title>intersection_env: report</title>\n'
-        f'<meta name="viewport" content="width=device-width"><style>{STYLE}</style></head>\n'
+        f'<meta name="viewport" content="width=device-width, initial-scale=1"><style>{STYLE}</style></head>\n'
         f"<body>\n{body}\n</body></html>\n"
     )
+
+
+def _read(path: Path) -> Any:
+    try:
+        return json.loads(path.read_text(encoding="utf-8"))
+    except ValueError as error:
+        raise ValueError(f"{path}: not JSON: {error}") from None
 
 
 def _write(path: Path, text: str) -> None:

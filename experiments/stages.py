@@ -8,15 +8,15 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Mapping, Sequence
-from contextlib import ExitStack
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 from tqdm import tqdm
 
-from agents.run_folder import METRICS
+from agents.run_folder import METRICS, file_hash
 from agents.scale_out import last_row
 from intersection_env.files import written_whole
 
@@ -39,7 +39,7 @@ class Stages:
     work: Path
 
     def run(self, name: str, inputs: Mapping[str, Any], output: Path, work: Callable[[], None]) -> str:
-        """Does a stage's work, unless it was done with the same inputs and its output is still there.
+        """Does a stage's work, unless it was done with the same inputs and its output is still as it was.
 
         Args:
             name: of the stage.
@@ -52,7 +52,9 @@ class Stages:
         """
         key = hashlib.sha256(json.dumps([name, inputs], sort_keys=True).encode()).hexdigest()
         mark = self._mark(name)
-        if output.exists() and self._done(name).get("key") == key:
+        done = self._done(name)
+        # another run, or a measurement by itself, may have written its own under the same name
+        if done.get("key") == key and output.exists() and done.get("output") == file_hash(output):
             print(f"[{name}] was done before", flush=True)
             return key
         print(f"[{name}]", flush=True)
@@ -60,7 +62,7 @@ class Stages:
         begin = time.perf_counter()
         work()
         with written_whole(mark) as temporary:
-            done = {"key": key, "seconds": round(time.perf_counter() - begin, 1)}
+            done = {"key": key, "output": file_hash(output), "seconds": round(time.perf_counter() - begin, 1)}
             temporary.write_text(json.dumps(done) + "\n", encoding="utf-8")
         return key
 
@@ -78,12 +80,17 @@ class Stages:
 
 
 def run_module(*arguments: str) -> None:
-    """Runs `python -m ARGUMENTS` as a process of its own, which prints here.
+    """Runs `python -m ARGUMENTS` as a process of its own, which prints here; Ctrl-C is passed on to it.
 
     Raises:
         StageFailedError: it ended with an error.
     """
-    status = subprocess.run([sys.executable, "-m", *arguments], check=False).returncode
+    with _told_to_end_like_ctrl_c():
+        process = _started(arguments)
+        try:
+            status = process.wait()
+        finally:
+            _end([process])
     if status:
         raise StageFailedError(f"python -m {' '.join(arguments)} ended with exit status {status}", status)
 
@@ -91,7 +98,8 @@ def run_module(*arguments: str) -> None:
 def run_trainings(trainings: Mapping[Path, Sequence[str]], epochs: int, at_once: int) -> None:
     """Runs trainings side by side, with a bar each; what they print goes to `log.txt` in their run folders.
 
-    Ctrl-C ends each at its next whole epoch, with its checkpoint written.
+    Ctrl-C ends each at its next whole epoch, with its checkpoint written, and so do SIGTERM and a terminal that is
+    closed; a second one ends all at once.
 
     Args:
         trainings: run folder to the arguments of `python -m`.
@@ -103,6 +111,7 @@ def run_trainings(trainings: Mapping[Path, Sequence[str]], epochs: int, at_once:
     """
     waiting, running = list(trainings), dict[Path, subprocess.Popen[bytes]]()
     with ExitStack() as after:
+        after.enter_context(_told_to_end_like_ctrl_c())
         bars = {
             run: after.enter_context(tqdm(total=epochs, desc=run.name, position=place, disable=None, unit="epoch"))
             for place, run in enumerate(trainings)
@@ -113,12 +122,7 @@ def run_trainings(trainings: Mapping[Path, Sequence[str]], epochs: int, at_once:
                     run = waiting.pop(0)
                     run.mkdir(parents=True, exist_ok=True)
                     log = after.enter_context((run / "log.txt").open("ab"))
-                    running[run] = subprocess.Popen(
-                        [sys.executable, "-m", *trainings[run]],
-                        stdout=log,
-                        stderr=log,
-                        start_new_session=True,  # Ctrl-C comes here alone, and is passed on below, once
-                    )
+                    running[run] = _started(trainings[run], log)
                 time.sleep(WATCH_EVERY)
                 for run, process in list(running.items()):
                     bars[run].n = last_row(run / METRICS).get("epoch", 0)
@@ -127,10 +131,39 @@ def run_trainings(trainings: Mapping[Path, Sequence[str]], epochs: int, at_once:
                         del running[run]
                         _check(run, process.returncode)
         finally:
-            for process in running.values():
-                process.send_signal(signal.SIGINT)
-            for process in running.values():
-                process.wait()
+            _end(list(running.values()))
+
+
+def _started(arguments: Sequence[str], log: BinaryIO | None = None) -> subprocess.Popen[bytes]:
+    """`python -m ARGUMENTS` in a session of its own: Ctrl-C comes here alone, and is passed on by `_end`, once."""
+    return subprocess.Popen([sys.executable, "-m", *arguments], stdout=log, stderr=log, start_new_session=True)
+
+
+@contextmanager
+def _told_to_end_like_ctrl_c() -> Iterator[None]:
+    """Within it, SIGTERM and SIGHUP end this process as Ctrl-C does; its children would outlive it otherwise."""
+    signals = [one for one in (signal.SIGTERM, signal.SIGHUP) if signal.getsignal(one) is signal.SIG_DFL]  # no nohup
+    for one in signals:
+        signal.signal(one, signal.default_int_handler)
+    try:
+        yield
+    finally:
+        for one in signals:
+            signal.signal(one, signal.SIG_DFL)
+
+
+def _end(processes: Sequence[subprocess.Popen[bytes]]) -> None:
+    """Ends those still running, trainings at their next whole epoch; at once, if Ctrl-C comes meanwhile."""
+    for process in processes:
+        process.send_signal(signal.SIGINT)
+    try:
+        for process in processes:
+            process.wait()
+    except KeyboardInterrupt:
+        for process in processes:
+            process.kill()
+            process.wait()
+        raise
 
 
 def _check(run: Path, status: int) -> None:

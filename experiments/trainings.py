@@ -18,7 +18,7 @@ from experiments.job import Job
 from experiments.stages import run_module, run_trainings
 from imitation.gail import PROFILES as GAIL_PROFILES
 from intersection_env.files import written_whole
-from intersection_env.intersection import Intersection
+from intersection_env.intersection import MAPS, Intersection
 from intersection_env.policy import PolicyFile
 from intersection_env.predictor import Predictor
 from intersection_env.scenes import SPLITS, Scenes
@@ -34,11 +34,22 @@ class Trainings:
         self.options = job.options
 
     def run(self) -> None:
-        """Scenes, gap network, calibrated IDM, PPO, GAIL; of the last two one a seed, and then the best."""
+        """Scenes, gap network, calibrated IDM, PPO, GAIL; of the last two one a seed, and then the best.
+
+        Raises:
+            StageFailedError: a training ended with an error.
+            ValueError: of the map, or of the recordings; before anything is trained.
+            OSError: a file cannot be read or written.
+        """
         options, seeds = self.options, list(self.options.seeds)
+        if not (MAPS / f"{options.map}.map").is_file():  # a scenes file is read back by its map's name
+            shipped = ", ".join(sorted(path.stem for path in MAPS.glob("*.map")))
+            raise ValueError(f'--map is "{options.map}"; wanted one that ships: {shipped}')
         hashes = {path.name: file_hash(path) for path in sorted(options.recordings.glob("*")) if path.is_file()}
         stage, policy, effort = self.job.stage, self.job.policy, options.effort
-        stage("scenes", [], self.job.scenes, self._scenes, recordings=hashes, map=options.map)
+        stage(
+            "scenes", [], self.job.scenes, self._scenes, recordings=hashes, map=Intersection.load(options.map).checksum
+        )
         stage("gap", ["scenes"], policy("gap"), self._gap, effort=effort)
         stage("idm", ["gap"], policy("idm_calibrated"), self._idm, effort=effort)
         stage("ppo", ["gap"], policy("ppo"), self._ppo, seeds=seeds, effort=effort)

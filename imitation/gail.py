@@ -56,11 +56,11 @@ class GailSettings:
     worlds: int = 256
     steps: int = 64
     """Of each world in an epoch; 16384 steps in all, paper, Table III."""
-    epochs: int = 800
+    epochs: int = 500
     value_epochs: int = 5
     """First ones in which policy stays as it is, and the value network gets used to the new reward."""
-    learning_rate: float = 3e-4
-    last_learning_rate: float = 3e-5
+    learning_rate: float = 1e-3
+    last_learning_rate: float = 1e-4
     """Fallen to linearly."""
     sigma: float = 0.15
     """Deviation of the action before its tanh."""
@@ -68,7 +68,7 @@ class GailSettings:
     """Fallen to geometrically."""
     reward_scale: float = 0.1
     """Rewards are multiplied by it."""
-    update: UpdateSettings = field(default_factory=lambda: UpdateSettings(passes=10, minibatches=1))
+    update: UpdateSettings = field(default_factory=lambda: UpdateSettings(passes=5, minibatches=8))
     discriminator: DiscriminatorSettings = field(default_factory=DiscriminatorSettings)
     seed: int = 0
     threads: int = 0
@@ -92,7 +92,12 @@ PROFILES = {
     "default": ("in minutes on two cores", GailSettings()),
     "paper": (
         "the paper's Table III",
-        GailSettings(epochs=12_000),
+        GailSettings(
+            epochs=12_000,
+            learning_rate=3e-4,
+            last_learning_rate=3e-5,
+            update=UpdateSettings(passes=10, minibatches=1),
+        ),
     ),
 }
 

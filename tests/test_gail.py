@@ -253,15 +253,19 @@ def test_discriminator_separates_two_different_sets() -> None:
         assert (discriminator(unseen[0]) > 0).float().mean() > 0.95
         assert (discriminator(unseen[1]) < 0).float().mean() > 0.95
     reward = [discriminator.reward(one) for one in unseen]
-    assert reward[0].mean() > 4 * reward[1].mean()
-    assert min(one.min() for one in reward) > 0.0
+    assert reward[0].mean() > 0.5
+    assert reward[1].mean() < -0.5
 
 
-def test_reward_is_minus_the_log_of_being_the_policys() -> None:
+def test_reward_is_minus_the_log_of_being_the_policys_and_0_where_there_is_no_telling() -> None:
     discriminator, _ = learned(rows(100), rows(100, shift=1.0, seed=1), updates=20)
     with torch.no_grad():
         likely = torch.sigmoid(discriminator(rows(50, seed=5)).double())
-    torch.testing.assert_close(discriminator.reward(rows(50, seed=5)).double(), -torch.log1p(-likely))
+    torch.testing.assert_close(discriminator.reward(rows(50, seed=5)).double(), -torch.log1p(-likely) - np.log(2.0))
+    with torch.no_grad():
+        discriminator.layers[-1].weight.zero_()
+        discriminator.layers[-1].bias.zero_()
+    torch.testing.assert_close(discriminator.reward(rows(50)), torch.zeros(50))
 
 
 def test_discriminator_sits_at_chance_on_two_halves_of_one_set(expert: ExpertSteps) -> None:
@@ -329,14 +333,13 @@ def test_labels_are_softened_as_stated(smoothing: float) -> None:
     assert float(terms["accuracy"]) == 0.5
 
 
-def test_gradient_penalty_drives_the_gradient_to_norm_one() -> None:
+def test_gradient_penalty_draws_the_gradient_to_0() -> None:
     expert, policy = rows(300), rows(300, shift=3.0, seed=1)
     norms = {}
     for weight in (1e-9, 10.0):  # at 0 the norm is not even watched
         _, seen = learned(expert, policy, updates=150, gradient_penalty=weight, smoothing=0.0)
         norms[weight] = [float(terms["gradient_norm"]) for terms in seen]
-    assert norms[10.0][0] < 0.6
-    assert 0.85 < norms[10.0][-1] < 1.15
+    assert norms[10.0][-1] < 0.15
     assert norms[1e-9][-1] > 1.3
 
 
@@ -473,7 +476,7 @@ def test_command_line_reaches_nested_settings() -> None:
     arguments = ["default", "--ppo", "None", "--update.passes", "3", "--discriminator.noise", "0.2", "--resume"]
     settings = tyro.extras.overridable_config_cli(PROFILES, args=arguments)
     assert settings.ppo is None
-    assert (settings.update.passes, settings.update.minibatches) == (3, 1)
+    assert (settings.update.passes, settings.update.minibatches) == (3, 8)
     assert settings.discriminator == DiscriminatorSettings(noise=0.2)
     assert settings.resume
 
