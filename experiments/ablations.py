@@ -46,6 +46,7 @@ GAIL = {
     ],
     "noise of actions does not fall": ["--last-sigma", str(GAIL_PROFILES["default"][1].sigma)],
     "delta from the gap network": ["--gap", "{gap}"],
+    "10 updates of the policy an epoch, as in the paper": ["--update.passes", "10", "--update.minibatches", "1"],
     "from random networks, without PPO": ["--ppo", "None"],
 }
 """Options of `imitation.gail`; {gap} is the gap network's policy file."""

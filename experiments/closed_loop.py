@@ -124,17 +124,22 @@ def _spread(counts: NDArray[np.int64], quantiles: NDArray[np.floating]) -> dict[
     return {"quantiles": quantiles.round(3).tolist(), "histogram": share.round(6).tolist()}
 
 
-def plot(results: dict[str, Any], drivers: Sequence[str]) -> Figure:
-    """The shares of accelerations, each of these drivers beside the recorded ones."""
+def plot(results: dict[str, Any], names: Mapping[str, str]) -> Figure:
+    """The shares of accelerations, these drivers beside the recorded ones.
+
+    Args:
+        results: as `closed_loop_results` gives them.
+        names: drivers to draw, in this order, and what to call them.
+    """
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(3.5, 2.6), layout="constrained")
     axes = figure.subplots()
     middles = 0.5 * (np.array(results["edges"][1:]) + np.array(results["edges"][:-1]))
     width = results["edges"][1] - results["edges"][0]
-    for k, name in enumerate(("recorded", *drivers)):
-        spread = results["acceleration"][name]
-        style: dict[str, Any] = {"color": "#555", "linewidth": 2.0} if name == "recorded" else {"color": f"C{k - 1}"}
+    for k, (driver, name) in enumerate({"recorded": "recorded", **names}.items()):
+        spread = results["acceleration"][driver]
+        style: dict[str, Any] = {"color": "#555", "linewidth": 2.0} if driver == "recorded" else {"color": f"C{k - 1}"}
         axes.plot(middles, np.maximum(spread["histogram"], 1e-6) / width, label=name, **style)
     axes.set_yscale("log")
     axes.set_ylim(bottom=1e-4)
@@ -173,7 +178,7 @@ def main(options: Options) -> int:
         )
         print(f"{WORLDS} worlds of {VEHICLES} vehicles, {STEPS} steps\n{table(results)}")
         if options.figure:
-            write_figure(plot(results, list(results["drivers"])), options.figure)
+            write_figure(plot(results, {name: name for name in results["drivers"]}), options.figure)
         with written_whole(options.out / "closed_loop.json") as temporary:
             temporary.write_text(json.dumps(results) + "\n", encoding="utf-8")
     except (OSError, ValueError) as error:

@@ -36,7 +36,9 @@ def headlines(results: Json) -> Iterator[Row]:
     }
     yield Row("gap decision right, frames", "94.5 %", in_percent(gap["network"]["accuracy"]), command=commands["gap"])
     yield Row("the same by SUMO's rule", "86.0 %", in_percent(gap["sumo"]["accuracy"]), command=commands["gap"])
-    yield Row("network minus SUMO's rule", "8.5 %", in_percent(lead), "above 0", lead["low"] > 0.0, commands["gap"])
+    yield Row(
+        "network minus SUMO's rule", "8.5 %", in_percent(lead), "above 0, all of it", lead["low"] > 0.0, commands["gap"]
+    )
     order = results["order_validation"]["recorded"]["models"]["gail"]
     right = order["accuracy"]
     order_command = commands["crossing_order"]

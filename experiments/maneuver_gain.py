@@ -158,7 +158,7 @@ def plot(results: Mapping[str, Any]) -> Figure:
     """
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(10.0, 4.2), layout="constrained")
+    figure = Figure(figsize=(7.1, 3.1), layout="constrained")
     gain, orders = figure.subplots(1, 2)
     _draw_gain(gain, results)
     _draw_orders(orders, results["orders"])
@@ -178,7 +178,7 @@ def _draw_gain(axes: Axes, results: Mapping[str, Any]) -> None:
     axes.legend(loc="upper left", fontsize=8, frameon=False)
     axes.set(xlim=(0.0, 102.0), xlabel="vehicles that cooperate [%]", ylabel="time loss saved by the best order [s]")
     axes.set_ylim(0.0, 1.08 * max(*high, WORTHWHILE_GAIN / 10.0))
-    axes.set_title(f"Gain in {results['moments']} moments, predicted by {results['policy']}", fontsize=11, loc="left")
+    axes.set_title(f"Gain in {results['moments']} moments, predicted by {results['policy']}", fontsize=9, loc="left")
 
 
 def _draw_orders(axes: Axes, orders: Mapping[str, Any]) -> None:
@@ -195,7 +195,7 @@ def _draw_orders(axes: Axes, orders: Mapping[str, Any]) -> None:
     axes.xaxis.set_major_formatter("{x:,.0f}")
     axes.set(ylim=(0.0, 103.0), xlabel="feasible orders, all vehicles cooperating")
     axes.set_ylabel("moments with so many or more [%]")
-    axes.set_title("Choice of orders", fontsize=11, loc="left")
+    axes.set_title("Choice of orders", fontsize=9, loc="left")
 
 
 def table(results: Mapping[str, Any]) -> str:
@@ -227,7 +227,7 @@ class Options:
 
     scenes: Path = Path("out/scenes.npz")
     """The scenes file; `python -m data.build` makes it."""
-    policy: str = "gap"
+    policy: str = "gail"
     """A shipped policy, a rule, or a policy file."""
     split: Literal["development", "validation"] = "development"
     """What to measure on; validation is for the report only."""

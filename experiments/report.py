@@ -15,17 +15,14 @@ from typing import Any
 import markdown
 from matplotlib import rc_context
 
-from experiments import closed_loop, crossing_order, horizon, maneuver_gain, runtime_figure
+from experiments import ablations, closed_loop, crossing_order, horizon, maneuver_gain, runtime_figure
 from experiments.headlines import headlines, in_unit
 from experiments.pages import gap_table
+from experiments.results_files import results_in
 from experiments.summary import summary
 from intersection_env.files import written_whole
 from intersection_env.picture_files import write_figure
 
-RESULTS = (
-    "gap_development", "gap_validation", "order_development", "order_validation", "horizon_development",
-    "horizon_validation", "replay_development", "maneuvers_validation", "closed_loop", "runtime", "reproduced",
-)  # fmt: skip
 NAMES = {
     "gail": "GAIL",
     "ppo": "PPO",
@@ -64,14 +61,14 @@ def write_report(out: Path) -> None:
         OSError: a results file cannot be read, or the report not written.
         ValueError: a results file is not JSON.
     """
-    results = {name: _read(out / f"{name}.json") for name in RESULTS}
+    results = results_in(out)
     about, seconds = (results["reproduced"][key] for key in ("about", "seconds"))
     _write(out / "summary.json", json.dumps(summary(results, about, seconds), indent=1) + "\n")
     pictures = {
         "horizon": horizon.plot(results["horizon_validation"], _drawn(results["horizon_validation"])),
         "runtime": runtime_figure.plot(results["runtime"]),
         "maneuvers": maneuver_gain.plot(results["maneuvers_validation"]),
-        "accelerations": closed_loop.plot(results["closed_loop"], ("ppo", "gail")),
+        "accelerations": closed_loop.plot(results["closed_loop"], {name: NAMES[name] for name in ("ppo", "gail")}),
     }
     # the same ids each time; and TrueType, as publishers refuse matplotlib's default, Type 3
     with rc_context({"svg.hashsalt": "report", "pdf.fonttype": 42}):
@@ -92,6 +89,7 @@ def report(results: Json, about: Json, seconds: Mapping[str, float]) -> str:
         _introduction(about, seconds),
         _table(("figure", "paper, on inD", "ours, with 95 % interval", "bar", "command"), rows),
         *_sections(results),
+        *_ablations(results.get("ablations")),
         "## Time taken",
         _table(("stage", "s"), [(name, f"{taken:.0f}") for name, taken in seconds.items()]),
     ]
@@ -140,12 +138,30 @@ def _sections(results: Json) -> Iterator[str]:
     yield "![Gain over the share of cooperative vehicles](figures/maneuvers.svg)"
 
 
+def _ablations(found: Json | None) -> Iterator[str]:
+    """One thing changed at a time, if `make ablations` has run."""
+    yield "## Ablations"
+    if found is None:
+        yield "Not run: `make ablations`."
+        return
+    yield "One thing changed at a time, measured on development (`make ablations`). Gap networks, calibrated IDM:"
+    yield ablations.gap_table(found["gap"])
+    yield "Drivers, one seed each: alone among recorded vehicles with the recorded order, and predicting all jointly."
+    yield ablations.gail_table(found["gail"])
+
+
+def _called(name: str) -> str:
+    """A model's name in a table; `gail_1` is GAIL's with seed 1."""
+    model, _, seed = name.rpartition("_")
+    return f"{NAMES[model]}, seed {seed}" if model in NAMES and seed.isdecimal() else NAMES.get(name, name)
+
+
 def _errors_table(found: Json) -> str:
     heads = ("", "RMSE [m]", "MAD [m]", "time loss RMSE [s]", "80 % [s]", "RMSE to calibrated IDM's")
     rows = []
     for name, row in found["at_10s"].items():
         ratio = row.get("distance_rmse_to_idm_calibrated")
-        rows.append((NAMES.get(name, name), *(in_unit(row[key]) for key in ERRORS), in_unit(ratio) if ratio else ""))
+        rows.append((_called(name), *(in_unit(row[key]) for key in ERRORS), in_unit(ratio) if ratio else ""))
     return _table(heads, rows) + "".join(f"\n\n{name}: {why}." for name, why in found["missing"].items())
 
 
@@ -164,7 +180,7 @@ def _replay_table(found: Json) -> str:
     heads = ("", "RMSE [m]", "MAD [m]", "vehicles", "collided", "line run, of held steps")
     rows = [
         (
-            NAMES.get(name, name),
+            _called(name),
             *(f"{row[key]:.2f}" for key in ("rmse", "mad")),
             str(row["count"]),
             *(f"{100.0 * row[key]:.2f} %" for key in ("collisions", "line_runs")),
@@ -182,7 +198,7 @@ def _closed_loop_table(found: Json) -> str:
             spread = longer["collisions"]
             collisions = f"{spread['value']:.1e} [{spread['low']:.1e}, {spread['high']:.1e}]"
             figures = [f"{longer[key]:.2f}" for key in ("reward", "reward_between_collisions")]
-            rows.append((NAMES.get(name, name), gap, *figures, collisions, f"{longer['speed']:.1f}"))
+            rows.append((_called(name), gap, *figures, collisions, f"{longer['speed']:.1f}"))
     heads = ("", "gaps by", "reward", "between collisions", "collisions a second and agent", "speed [m/s]")
     return _table(heads, rows)
 
@@ -216,13 +232,6 @@ def page(text: str, folder: Path) -> str:
         f'<meta name="viewport" content="width=device-width, initial-scale=1"><style>{STYLE}</style></head>\n'
         f"<body>\n{body}\n</body></html>\n"
     )
-
-
-def _read(path: Path) -> Any:
-    try:
-        return json.loads(path.read_text(encoding="utf-8"))
-    except ValueError as error:
-        raise ValueError(f"{path}: not JSON: {error}") from None
 
 
 def _write(path: Path, text: str) -> None:

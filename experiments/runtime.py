@@ -53,7 +53,7 @@ Times = dict[int, list[float]]
 class Options:
     """Runtimes over the number of vehicles."""
 
-    policy: str = "ppo"
+    policy: str = "gail"
     """A policy file with both networks, or the name of a shipped one."""
     scenes: int = 2000
     """How many random scenes for each number of vehicles."""

@@ -158,7 +158,7 @@ def _another_between(traffic: Traffic, position: Floats, i: int, j: int) -> NDAr
 def main(arguments: Sequence[str] | None = None) -> int:
     """Looks at as many traffics as asked for; returns the exit status."""
     parser = argparse.ArgumentParser(prog="python -m tests.obedience", description=__doc__.splitlines()[0])
-    parser.add_argument("--policy", default="ppo", help="a policy whose network drives")
+    parser.add_argument("--policy", default="gail", help="a policy whose network drives")
     parser.add_argument("--traffics", type=int, default=100_000)
     options = parser.parse_args(arguments)
     predictor, findings = Predictor.load(options.policy), Findings()

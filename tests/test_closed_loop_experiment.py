@@ -60,7 +60,7 @@ def test_accelerations_are_those_that_the_driver_wants(tmp_path: Path) -> None:
         <= run["longer"]["collisions"]["value"]
         <= run["longer"]["collisions"]["high"]
     )
-    assert len(plot(results, ["steady"]).axes[0].lines) == 2
+    assert len(plot(results, {"steady": "Steady"}).axes[0].lines) == 2
 
 
 def test_a_policy_that_drives_by_a_rule_is_refused() -> None:

@@ -263,8 +263,8 @@ def test_reward_is_minus_the_log_of_being_the_policys_and_0_where_there_is_no_te
         likely = torch.sigmoid(discriminator(rows(50, seed=5)).double())
     torch.testing.assert_close(discriminator.reward(rows(50, seed=5)).double(), -torch.log1p(-likely) - np.log(2.0))
     with torch.no_grad():
-        discriminator.layers[-1].weight.zero_()
-        discriminator.layers[-1].bias.zero_()
+        for parameter in discriminator.layers[-1].parameters():
+            parameter.zero_()
     torch.testing.assert_close(discriminator.reward(rows(50)), torch.zeros(50))
 
 

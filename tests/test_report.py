@@ -30,7 +30,8 @@ from experiments.headlines import Row, headlines
 from experiments.horizon import horizon_results
 from experiments.maneuver_gain import maneuver_results, thinned
 from experiments.pages import RESULTS as SHIPPED
-from experiments.report import RESULTS, write_report
+from experiments.report import write_report
+from experiments.results_files import RESULTS
 from experiments.runtime import runtime_results
 from experiments.summary import MODELS, summary
 from imitation.replay_error import ReplayError

@@ -1,0 +1,96 @@
+"""Each ablation changes what it says, and is measured from the policies that come of it."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import pytest
+import torch
+import tyro
+
+from agents.driving import DrivingNetwork
+from agents.export import driving_policy
+from agents.gap import PROFILES as GAP_PROFILES
+from experiments import ablations, intervals
+from experiments.ablations import GAIL, GAP, Ablations, gail_table, gap_table
+from experiments.job import Job, Options
+from imitation.gail import PROFILES as GAIL_PROFILES
+from intersection_env.worlds import gap_decider
+from tests.training import small_scenes
+
+Trainings = dict[Path, list[str]]
+
+
+@pytest.fixture
+def job(tmp_path: Path) -> Job:
+    """A job whose trainings are done: small scenes, the shipped policies."""
+    made = Job(Options(seeds=(5,), work=tmp_path / "work", out=tmp_path / "out"))
+    made.keys |= {"scenes": "some", "gail": "others"}
+    made.scenes.parent.mkdir(parents=True)
+    small_scenes("train", "development").save(made.scenes)
+    for name in ("gap", "idm_calibrated"):
+        made.policy(name).parent.mkdir(parents=True, exist_ok=True)
+        made.policy(name).write_text(Path(f"intersection_env/policies/{name}.policy").read_text())
+    driver(made.run_of("ppo_5") / "ppo.policy")
+    return made
+
+
+def driver(path: Path) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    driving_policy(gap_decider("gap"), DrivingNetwork(), {}).save(path)
+
+
+def trained(job: Job, monkeypatch: pytest.MonkeyPatch) -> Trainings:
+    """The commands that a run of the ablations gives, each of which leaves a policy."""
+    commands: Trainings = {}
+
+    def train(trainings: Mapping[Path, Sequence[str]], epochs: int, at_once: int) -> None:
+        for run, command in trainings.items():
+            commands[run] = list(command)
+            run.mkdir(parents=True, exist_ok=True)
+            if command[0] == "agents.gap":
+                (run / "gap.policy").write_text(job.policy("gap").read_text())
+            else:
+                driver(run / "gail.policy")
+
+    monkeypatch.setattr(ablations, "run_trainings", train)
+    monkeypatch.setattr(intervals, "RESAMPLES", 20)
+    torch.manual_seed(0)
+    Ablations(job).run()
+    return commands
+
+
+def test_every_variant_is_trained_and_measured_once(job: Job, monkeypatch: pytest.MonkeyPatch) -> None:
+    commands = trained(job, monkeypatch)
+    assert len(commands) == len(GAP) + len(GAIL)
+    results = json.loads((job.options.out / "ablations.json").read_text())
+    assert list(results["gap"]) == list(GAP)
+    assert list(results["gail"]) == ["PPO alone, without GAIL", *GAIL]
+    first, *_ = results["gap"].values()
+    assert all(row == first for row in results["gap"].values()), "the same network, measured differently"
+    assert gap_table(results["gap"]).count("\n") == 1 + len(GAP)
+    assert gail_table(results["gail"]).count("\n") == 2 + len(GAIL)
+    assert not trained(job, monkeypatch), "done again"
+
+
+def test_variants_change_what_they_say_and_nothing_else(job: Job, monkeypatch: pytest.MonkeyPatch) -> None:
+    def settings(profiles: Any, command: list[str]) -> dict[str, Any]:
+        found = tyro.extras.overridable_config_cli(profiles, args=command[1:])
+        return {**found.decisive(), "run": None, "ppo": getattr(found, "ppo", None)}
+
+    commands = list(trained(job, monkeypatch).values())
+    gaps = [settings(GAP_PROFILES, one) for one in commands if one[0] == "agents.gap"]
+    assert [one["noise"] for one in gaps] == [0.5, 0.0, 1.0]
+    assert len({json.dumps({**one, "noise": None}, default=str) for one in gaps}) == 1
+    drivers = [settings(GAIL_PROFILES, one) for one in commands if one[0] == "imitation.gail"]
+    default = drivers[0]
+    assert default["ppo"] == job.run_of("ppo_5")
+    changed = [{key for key in one if one[key] != default[key]} for one in drivers]
+    assert changed == [set(), *[{"discriminator"}] * 3, {"last_sigma"}, {"gap"}, {"update"}, {"ppo"}]
+    parts = ("gradient_penalty", "smoothing", "noise")
+    weights = [tuple(one["discriminator"][part] for part in parts) for one in drivers[1:4]]
+    assert weights == [(0.0, 0.1, 0.1), (1.0, 0.0, 0.0), (0.0, 0.0, 0.0)]
+    assert drivers[-1]["ppo"] is None
