@@ -32,25 +32,20 @@ from intersection_env.predictor import Predictor
 from intersection_env.scenes import Scenes
 
 GAP = {
-    "noise of half the paper's (default)": [],
     "no input noise": ["--noise", "0"],
     "the paper's input noise": ["--noise", "1"],
 }
-"""Options of `agents.gap`."""
+"""Options of `agents.gap`, where they are not the default ones."""
 GAIL = {
-    "GAIL (default)": [],
     "no gradient penalty": ["--discriminator.gradient-penalty", "0"],
     "no smoothed labels, no noise on inputs": ["--discriminator.smoothing", "0", "--discriminator.noise", "0"],
-    "neither of these": [
-        *("--discriminator.gradient-penalty", "0", "--discriminator.smoothing", "0", "--discriminator.noise", "0"),
-    ],
     "noise of actions does not fall": ["--last-sigma", str(GAIL_PROFILES["default"][1].sigma)],
-    "delta from the gap network": ["--gap", "{gap}"],
     "10 updates of the policy an epoch, as in the paper": ["--update.passes", "10", "--update.minibatches", "1"],
+    "delta from the gap network": ["--gap", "{gap}"],
     "from random networks, without PPO": ["--ppo", "None"],
 }
-"""Options of `imitation.gail`; {gap} is the gap network's policy file."""
-SEED = "0"
+"""Options of `imitation.gail`, where they are not the default ones; {gap} is the gap network's policy file."""
+DEFAULT_GAP, DEFAULT_GAIL = "gap network as it ships", "GAIL as it ships"
 
 
 class Ablations:
@@ -66,37 +61,29 @@ class Ablations:
         self.job.stage("ablations", ["gail"], self.output, self._all, changes=changes, effort=self.job.options.effort)
 
     def _all(self) -> None:
-        gap = {name: self._folder("gap", place) for place, name in enumerate(GAP)}
-        gail = {name: self._folder("gail", place) for place, name in enumerate(GAIL)}
-        scenes, policy = str(self.job.scenes), str(self.job.policy("gap"))
+        gap = {name: self.job.run_of(f"ablation_gap_{place}") for place, name in enumerate(GAP)}
+        gail = {name: self.job.run_of(f"ablation_gail_{place}") for place, name in enumerate(GAIL)}
+        scenes, policy, seed = str(self.job.scenes), str(self.job.policy("gap")), self.job.options.seeds[0]
+        commands = {gap[name]: ["agents.gap", "default", "--scenes", scenes, *options] for name, options in GAP.items()}
+        self._train(commands, GAP_PROFILES["default"][1].epochs)
+        common = ["imitation.gail", "default", "--scenes", scenes, "--decider", policy, "--seed", str(seed)]
+        start = ["--ppo", str(self.job.run_of(f"ppo_{seed}"))]
+        commands = {
+            gail[name]: [*common, *([] if "--ppo" in options else start), *(one.format(gap=policy) for one in options)]
+            for name, options in GAIL.items()
+        }
         self._train(
-            {gap[name]: ["agents.gap", "default", "--scenes", scenes, *options] for name, options in GAP.items()},
-            GAP_PROFILES["default"][1].epochs,
+            {run: [*command, "--threads", "1"] for run, command in commands.items()}, GAIL_PROFILES["default"][1].epochs
         )
-        ppo = str(self.job.run_of(f"ppo_{self.job.options.seeds[0]}"))
-        common = ["imitation.gail", "default", "--scenes", scenes, "--decider", policy, "--threads", "1"]
-        start = ["--ppo", ppo]
-        self._train(
-            {
-                gail[name]: [
-                    *common,
-                    *([] if "--ppo" in options else start),
-                    *(one.format(gap=policy) for one in options),
-                ]
-                for name, options in GAIL.items()
-            },
-            GAIL_PROFILES["default"][1].epochs,
-        )
+        gap = {DEFAULT_GAP: self.job.run_of("gap")} | gap
+        gail = {DEFAULT_GAIL: self.job.run_of(f"gail_{seed}")} | gail
         content = {"gap": self._gaps(gap), "gail": self._drivers(gail)}
         with written_whole(self.output) as temporary:
             temporary.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
 
-    def _folder(self, kind: str, place: int) -> Path:
-        return self.job.run_of(f"ablation_{kind}_{place}")
-
     def _train(self, commands: Mapping[Path, list[str]], epochs: int) -> None:
         wanted = max(1, round(self.job.options.effort * epochs))
-        common = ["--seed", SEED, "--epochs", str(wanted), "--resume"]
+        common = ["--epochs", str(wanted), "--resume"]
         trainings = {run: [*command, *common, "--run", str(run)] for run, command in commands.items()}
         run_trainings(trainings, wanted, os.cpu_count() or 1)
 

@@ -15,7 +15,7 @@ from agents.driving import DrivingNetwork
 from agents.export import driving_policy
 from agents.gap import PROFILES as GAP_PROFILES
 from experiments import ablations, intervals
-from experiments.ablations import GAIL, GAP, Ablations, gail_table, gap_table
+from experiments.ablations import DEFAULT_GAIL, DEFAULT_GAP, GAIL, GAP, Ablations, gail_table, gap_table
 from experiments.job import Job, Options
 from imitation.gail import PROFILES as GAIL_PROFILES
 from intersection_env.worlds import gap_decider
@@ -35,6 +35,9 @@ def job(tmp_path: Path) -> Job:
         made.policy(name).parent.mkdir(parents=True, exist_ok=True)
         made.policy(name).write_text(Path(f"intersection_env/policies/{name}.policy").read_text())
     driver(made.run_of("ppo_5") / "ppo.policy")
+    driver(made.run_of("gail_5") / "gail.policy")
+    made.run_of("gap").mkdir(parents=True)
+    (made.run_of("gap") / "gap.policy").write_text(made.policy("gap").read_text())
     return made
 
 
@@ -67,12 +70,12 @@ def test_every_variant_is_trained_and_measured_once(job: Job, monkeypatch: pytes
     commands = trained(job, monkeypatch)
     assert len(commands) == len(GAP) + len(GAIL)
     results = json.loads((job.options.out / "ablations.json").read_text())
-    assert list(results["gap"]) == list(GAP)
-    assert list(results["gail"]) == ["PPO alone, without GAIL", *GAIL]
+    assert list(results["gap"]) == [DEFAULT_GAP, *GAP]
+    assert list(results["gail"]) == ["PPO alone, without GAIL", DEFAULT_GAIL, *GAIL]
     first, *_ = results["gap"].values()
     assert all(row == first for row in results["gap"].values()), "the same network, measured differently"
-    assert gap_table(results["gap"]).count("\n") == 1 + len(GAP)
-    assert gail_table(results["gail"]).count("\n") == 2 + len(GAIL)
+    assert gap_table(results["gap"]).count("\n") == 2 + len(GAP)
+    assert gail_table(results["gail"]).count("\n") == 3 + len(GAIL)
     assert not trained(job, monkeypatch), "done again"
 
 
@@ -83,14 +86,15 @@ def test_variants_change_what_they_say_and_nothing_else(job: Job, monkeypatch: p
 
     commands = list(trained(job, monkeypatch).values())
     gaps = [settings(GAP_PROFILES, one) for one in commands if one[0] == "agents.gap"]
-    assert [one["noise"] for one in gaps] == [0.5, 0.0, 1.0]
-    assert len({json.dumps({**one, "noise": None}, default=str) for one in gaps}) == 1
+    default = settings(GAP_PROFILES, ["agents.gap", "default"])
+    assert [one["noise"] for one in gaps] == [0.0, 1.0]
+    assert all(one == {**default, "noise": one["noise"]} for one in gaps)
     drivers = [settings(GAIL_PROFILES, one) for one in commands if one[0] == "imitation.gail"]
-    default = drivers[0]
-    assert default["ppo"] == job.run_of("ppo_5")
+    start = ["--ppo", str(job.run_of("ppo_5")), "--decider", str(job.policy("gap")), "--seed", "5"]
+    default = settings(GAIL_PROFILES, ["imitation.gail", "default", *start])
     changed = [{key for key in one if one[key] != default[key]} for one in drivers]
-    assert changed == [set(), *[{"discriminator"}] * 3, {"last_sigma"}, {"gap"}, {"update"}, {"ppo"}]
+    assert changed == [*[{"discriminator"}] * 2, {"last_sigma"}, {"update"}, {"gap"}, {"ppo"}]
     parts = ("gradient_penalty", "smoothing", "noise")
-    weights = [tuple(one["discriminator"][part] for part in parts) for one in drivers[1:4]]
-    assert weights == [(0.0, 0.1, 0.1), (1.0, 0.0, 0.0), (0.0, 0.0, 0.0)]
+    weights = [tuple(one["discriminator"][part] for part in parts) for one in drivers[:2]]
+    assert weights == [(0.0, 0.1, 0.1), (1.0, 0.0, 0.0)]
     assert drivers[-1]["ppo"] is None
