@@ -22,11 +22,11 @@ from experiments.crossing_order import order_results
 from experiments.evaluation import errors, starts
 from experiments.horizon import horizon_results
 from experiments.job import Job, Options
-from experiments.stages import StageFailedError, run_trainings
+from experiments.results_files import write_result
+from experiments.stages import exit_status_of, run_trainings
 from experiments.trainings import Trainings
 from imitation.gail import PROFILES as GAIL_PROFILES
 from imitation.replay_error import replay_error
-from intersection_env.files import written_whole
 from intersection_env.policy import PolicyFile
 from intersection_env.predictor import Predictor
 from intersection_env.scenes import Scenes
@@ -78,8 +78,7 @@ class Ablations:
         gap = {DEFAULT_GAP: self.job.run_of("gap")} | gap
         gail = {DEFAULT_GAIL: self.job.run_of(f"gail_{seed}")} | gail
         content = {"gap": self._gaps(gap), "gail": self._drivers(gail)}
-        with written_whole(self.output) as temporary:
-            temporary.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
+        write_result(self.output, content)
 
     def _train(self, commands: Mapping[Path, list[str]], epochs: int) -> None:
         wanted = max(1, round(self.job.options.effort * epochs))
@@ -118,24 +117,22 @@ class Ablations:
         return {"order": order["accuracy"], **at_10s}
 
 
+def ablate(options: Options) -> None:
+    """Does what is not done yet, and prints the tables.
+
+    Raises:
+        StageFailedError, ValueError, OSError: as of `Trainings.run`.
+    """
+    job = Job(options)
+    Trainings(job).run()
+    Ablations(job).run()
+    print(table(json.loads((options.out / "ablations.json").read_text(encoding="utf-8"))))
+
+
 def main(options: Options) -> int:
     """Does what is not done yet; returns the exit status."""
     torch.set_num_threads(1)  # such small networks gain nothing from more
-    try:
-        job = Job(options)
-        Trainings(job).run()
-        Ablations(job).run()
-    except KeyboardInterrupt:
-        print("\ninterrupted; the same command goes on from here", file=sys.stderr)
-        return 130
-    except StageFailedError as failure:
-        print(f"error: {failure}", file=sys.stderr)
-        return failure.status
-    except (OSError, ValueError) as error:
-        print(f"error: {error}", file=sys.stderr)
-        return 1
-    print(table(json.loads((options.out / "ablations.json").read_text(encoding="utf-8"))))
-    return 0
+    return exit_status_of(lambda: ablate(options))
 
 
 def table(results: Mapping[str, Any]) -> str:

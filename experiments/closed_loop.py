@@ -6,7 +6,6 @@ python -m experiments.closed_loop
 from __future__ import annotations
 
 import dataclasses
-import json
 import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -23,8 +22,8 @@ from tqdm import tqdm
 
 from agents.export import driving_network
 from agents.validation_run import STEPS, ValidationRun, validation_run
+from experiments.results_files import write_result
 from imitation.expert import expert_steps
-from intersection_env.files import written_whole
 from intersection_env.picture_files import write_figure
 from intersection_env.predictor import Predictor
 from intersection_env.scenes import Scenes
@@ -179,8 +178,7 @@ def main(options: Options) -> int:
         print(f"{WORLDS} worlds of {VEHICLES} vehicles, {STEPS} steps\n{table(results)}")
         if options.figure:
             write_figure(plot(results, {name: name for name in results["drivers"]}), options.figure)
-        with written_whole(options.out / "closed_loop.json") as temporary:
-            temporary.write_text(json.dumps(results) + "\n", encoding="utf-8")
+        write_result(options.out / "closed_loop.json", results)
     except (OSError, ValueError) as error:
         print(f"error: {error}", file=sys.stderr)
         return 1

@@ -9,7 +9,6 @@ No priorities are assigned, and all vehicles of a moment are predicted jointly; 
 from __future__ import annotations
 
 import itertools
-import json
 import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -22,8 +21,8 @@ from numpy.typing import NDArray
 
 from experiments.evaluation import HORIZONS, SCORED, Forecaster, Start, starts
 from experiments.intervals import interval
+from experiments.results_files import write_result
 from intersection_env import _core
-from intersection_env.files import written_whole
 from intersection_env.metrics import crossing_order
 from intersection_env.predictor import DT, STEPS, Predictor
 from intersection_env.scenes import Scenes
@@ -241,8 +240,7 @@ def main(options: Options) -> int:
         results = order_results([Predictor.load(policy) for policy in options.policies], moments)
         content = {"split": options.split, "refused": len(refused), **results}
         print(table(results))
-        with written_whole(options.out / f"order_{options.split}.json") as temporary:
-            temporary.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
+        write_result(options.out / f"order_{options.split}.json", content)
     except (OSError, ValueError) as error:
         print(f"error: {error}", file=sys.stderr)
         return 1

@@ -9,7 +9,6 @@ On the development recordings the network's calibration error flatters it: its t
 
 from __future__ import annotations
 
-import json
 import sys
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -26,7 +25,7 @@ from agents.interrupt import Interrupted
 from agents.networks import GapNetwork
 from experiments.gap_picture import plot
 from experiments.gap_scores import BINS, COVERAGE, FOES, NETWORK, RESAMPLES, Tally, compare, pooled, table, tally
-from intersection_env.files import written_whole
+from experiments.results_files import write_result
 from intersection_env.picture_files import write_figure
 from intersection_env.policy import PolicyFile
 from intersection_env.predictor import POLICIES
@@ -120,8 +119,7 @@ def main(options: Options) -> int:
             if options.figure:
                 write_figure(plot(network, test.select("all"), content["foes"]), options.figure)
         print(table(content["foes"]))
-        with written_whole(options.out / f"gap_{name}.json") as temporary:
-            temporary.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
+        write_result(options.out / f"gap_{name}.json", content)
     except Interrupted:
         print("interrupted; nothing written", file=sys.stderr)
         return 130

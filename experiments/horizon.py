@@ -6,7 +6,6 @@ python -m experiments.horizon --split validation     for the report, once
 
 from __future__ import annotations
 
-import json
 import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -20,7 +19,7 @@ from tqdm import tqdm
 
 from experiments.evaluation import POPULATIONS, Errors, Forecaster, Start, errors, starts
 from experiments.intervals import interval
-from intersection_env.files import written_whole
+from experiments.results_files import write_result
 from intersection_env.metrics import error_figures
 from intersection_env.picture_files import write_figure
 from intersection_env.predictor import DT, STEPS, Predictor
@@ -171,10 +170,9 @@ def main(options: Options) -> int:
         print(table(results))
         if options.figure:
             write_figure(plot(results, {name: name for name in results["models"]}), options.figure)
-        with written_whole(options.out / f"horizon_{options.split}.json") as temporary:
-            temporary.write_text(
-                json.dumps({"split": options.split, "refused": len(refused), **results}) + "\n", encoding="utf-8"
-            )
+        write_result(
+            options.out / f"horizon_{options.split}.json", {"split": options.split, "refused": len(refused), **results}
+        )
     except (OSError, ValueError) as error:
         print(f"error: {error}", file=sys.stderr)
         return 1

@@ -8,7 +8,6 @@ Gains are predicted, not driven: of the best safe order against no intervention,
 
 from __future__ import annotations
 
-import json
 import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -21,7 +20,7 @@ from numpy.typing import NDArray
 
 from experiments.evaluation import Start, starts
 from experiments.intervals import interval
-from intersection_env.files import written_whole
+from experiments.results_files import write_result
 from intersection_env.maneuvers import COUNT_LIMIT, LIMIT, WORTHWHILE_GAIN, rank_maneuvers
 from intersection_env.picture_files import write_figure
 from intersection_env.predictor import Predictor
@@ -252,8 +251,7 @@ def main(options: Options) -> int:
         print(table(results))
         if options.figure:
             write_figure(plot(results), options.figure)
-        with written_whole(options.out / f"maneuvers_{options.split}.json") as temporary:
-            temporary.write_text(json.dumps({"split": options.split, **results}, indent=1) + "\n", encoding="utf-8")
+        write_result(options.out / f"maneuvers_{options.split}.json", {"split": options.split, **results})
     except (OSError, ValueError) as error:
         print(f"error: {error}", file=sys.stderr)
         return 1

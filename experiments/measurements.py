@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import json
 from collections.abc import Mapping, Sequence
 from functools import partial
 from pathlib import Path
@@ -19,20 +18,19 @@ from experiments.evaluation import Forecaster, Start, starts
 from experiments.horizon import measured
 from experiments.job import Job
 from experiments.maneuver_gain import maneuver_results, thinned
+from experiments.results_files import write_result
 from experiments.runtime import Options as RuntimeOptions
 from experiments.runtime import runtime_results
 from experiments.stages import run_module
 from experiments.sumo_predictor import predictions as sumo_predictions
 from imitation.expert import expert_steps
 from imitation.replay_error import replay_error
-from intersection_env.files import written_whole
 from intersection_env.policy import PolicyFile
 from intersection_env.predictor import Predictor
 from intersection_env.scenes import SPLITS, Scenes
 
 SIMULATED = Path("data/recordings").resolve()
 MOMENTS = 100_000  # at most, in which maneuvers are searched for: all
-DIGITS = 6  # of results
 SEED = 0  # of random choices in the measurements
 UNTRAINED_SEED = 0
 
@@ -146,14 +144,4 @@ class Measurements:
         }
 
     def _write(self, name: str, content: Mapping[str, Any]) -> None:
-        with written_whole(self.result(name)) as temporary:
-            temporary.write_text(json.dumps(rounded(content)) + "\n", encoding="utf-8")
-
-
-def rounded(content: Any) -> Any:
-    """The same with floats to six digits."""
-    if isinstance(content, Mapping):
-        return {key: rounded(value) for key, value in content.items()}
-    if isinstance(content, list | tuple):
-        return [rounded(value) for value in content]
-    return float(f"{content:.{DIGITS}g}") if isinstance(content, float) else content
+        write_result(self.result(name), content)

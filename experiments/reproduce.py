@@ -19,7 +19,7 @@ import tyro
 from experiments.job import Job, Options
 from experiments.measurements import Measurements
 from experiments.report import write_report
-from experiments.stages import StageFailedError
+from experiments.stages import exit_status_of
 from experiments.trainings import Trainings
 from intersection_env.predictor import POLICIES
 
@@ -27,31 +27,29 @@ TRAINED = ("gap", "idm_calibrated", "ppo", "gail")
 """Policies that ship."""
 
 
+def reproduce(options: Options) -> None:
+    """Does all stages that are not done.
+
+    Raises:
+        StageFailedError, ValueError, OSError: as of `Trainings.run`; or a results file cannot be written.
+    """
+    begin = time.perf_counter()
+    job = Job(options)
+    Trainings(job).run()
+    if options.ship:
+        for name in TRAINED:
+            shutil.copyfile(job.policy(name), POLICIES / f"{name}.policy")
+        print(f"written: {', '.join(TRAINED)} in {POLICIES}")
+    if options.only == "everything":
+        Measurements(job).run()
+        write_report(options.out)
+    print(f"done in {(time.perf_counter() - begin) / 60.0:.0f} min")
+
+
 def main(options: Options) -> int:
     """Does all stages that are not done; returns the exit status."""
     torch.set_num_threads(1)  # such small networks gain nothing from more
-    begin = time.perf_counter()
-    try:
-        job = Job(options)
-        Trainings(job).run()
-        if options.ship:
-            for name in TRAINED:
-                shutil.copyfile(job.policy(name), POLICIES / f"{name}.policy")
-            print(f"written: {', '.join(TRAINED)} in {POLICIES}")
-        if options.only == "everything":
-            Measurements(job).run()
-            write_report(options.out)
-    except KeyboardInterrupt:
-        print("\ninterrupted; the same command goes on from here", file=sys.stderr)
-        return 130
-    except StageFailedError as failure:
-        print(f"error: {failure}", file=sys.stderr)
-        return failure.status
-    except (OSError, ValueError) as error:
-        print(f"error: {error}", file=sys.stderr)
-        return 1
-    print(f"done in {(time.perf_counter() - begin) / 60.0:.0f} min")
-    return 0
+    return exit_status_of(lambda: reproduce(options))
 
 
 if __name__ == "__main__":

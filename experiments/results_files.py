@@ -1,16 +1,20 @@
-"""The results files that `make reproduce` leaves, one a measurement."""
+"""Results files: one a measurement, written whole; those that `make reproduce` leaves."""
 
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
+
+from intersection_env.files import written_whole
 
 RESULTS = (
     "gap_development", "gap_validation", "order_development", "order_validation", "horizon_development",
     "horizon_validation", "replay_development", "maneuvers_validation", "closed_loop", "runtime", "reproduced",
 )  # fmt: skip
 OPTIONAL = ("ablations",)
+DIGITS = 6  # of floats
 
 
 def results_in(folder: Path) -> dict[str, Any]:
@@ -29,3 +33,18 @@ def _read(path: Path) -> Any:
         return json.loads(path.read_text(encoding="utf-8"))
     except ValueError as error:
         raise ValueError(f"{path}: not JSON: {error}") from None
+
+
+def write_result(path: Path, content: Mapping[str, Any]) -> None:
+    """Writes a results file, floats to six digits."""
+    with written_whole(path) as temporary:
+        temporary.write_text(json.dumps(rounded(content)) + "\n", encoding="utf-8")
+
+
+def rounded(content: Any) -> Any:
+    """The same with floats to six digits."""
+    if isinstance(content, Mapping):
+        return {key: rounded(value) for key, value in content.items()}
+    if isinstance(content, list | tuple):
+        return [rounded(value) for value in content]
+    return float(f"{content:.{DIGITS}g}") if isinstance(content, float) else content

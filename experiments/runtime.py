@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import gc
 import importlib
-import json
 import os
 import sys
 import time
@@ -28,11 +27,11 @@ from tqdm import tqdm
 
 from experiments.peers import in_own_process
 from experiments.predictor_bench import CYCLE, SIZES
+from experiments.results_files import write_result
 from experiments.runtime_figure import fits, plot, table
 from experiments.stopwatch import reference_rate
 from experiments.timed_scenes import random_traffics
 from intersection_env import Predictor, Traffic, _core
-from intersection_env.files import written_whole
 from intersection_env.picture_files import write_figure
 from intersection_env.policy import PolicyFile
 from intersection_env.traffic import FLOAT_FIELDS
@@ -205,8 +204,7 @@ def main(options: Options) -> int:
     try:
         results = runtime_results(options)
         print(table(results))
-        with written_whole(options.out / "runtime.json") as temporary:
-            temporary.write_text(json.dumps(results, indent=1) + "\n", encoding="utf-8")
+        write_result(options.out / "runtime.json", results)
         if options.figure:
             from matplotlib import rc_context
 

@@ -32,6 +32,22 @@ class StageFailedError(Exception):
         self.status = status
 
 
+def exit_status_of(job: Callable[[], None]) -> int:
+    """Does a job of stages; says what ended it, if it did not come to its end."""
+    try:
+        job()
+    except KeyboardInterrupt:
+        print("\ninterrupted; the same command goes on from here", file=sys.stderr)
+        return 130
+    except StageFailedError as failure:
+        print(f"error: {failure}", file=sys.stderr)
+        return failure.status
+    except (OSError, ValueError) as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 1
+    return 0
+
+
 @dataclass(frozen=True)
 class Stages:
     """The stages of one job, and the folder where each says that it is done."""

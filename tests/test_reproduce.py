@@ -16,8 +16,9 @@ from agents.export import driving_policy
 from agents.ppo import PROFILES as PPO_PROFILES
 from experiments import measurements, reproduce, trainings
 from experiments.job import Job, Options
-from experiments.measurements import Measurements, rounded
+from experiments.measurements import Measurements
 from experiments.reproduce import TRAINED, main
+from experiments.results_files import rounded
 from experiments.stages import StageFailedError
 from imitation.gail import PROFILES as GAIL_PROFILES
 from intersection_env import Intersection
