@@ -72,7 +72,10 @@ def moments(scenes: Scenes, every: float) -> list[Moment]:
 
 
 def distance_error(predictor: Predictor, asked: Sequence[Moment]) -> float:
-    """Of the distance along the route: root of the mean over the horizons of the mean squared errors [m]."""
+    """Of the distance along the route: root of the mean over the horizons of the mean squared errors [m].
+
+    A horizon at which nobody is scored does not count.
+    """
     sums, counts = np.zeros(len(HORIZONS)), np.zeros(len(HORIZONS))
     for one in asked:
         predicted = predictor.predict(one.traffic).position[0]
@@ -80,7 +83,8 @@ def distance_error(predictor: Predictor, asked: Sequence[Moment]) -> float:
             error = (predicted[step] - one.position[step])[one.counts[step]]
             sums[h] += float(np.square(error, dtype=np.float64).sum())
             counts[h] += len(error)
-    return float(np.sqrt(np.mean(sums / counts)))
+    scored = counts > 0
+    return float(np.sqrt(np.mean(sums[scored] / counts[scored])))
 
 
 def calibrate(asked: Sequence[Moment], gap: PolicyFile, rounds: int, progress: bool = True) -> IdmParameters:

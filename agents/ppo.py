@@ -55,7 +55,7 @@ class PpoSettings:
     """In each world; paper, Section IV-B.2."""
     steps: int = 128
     """Of each world in an epoch."""
-    epochs: int = 500
+    epochs: int = 300
     learning_rate: float = 1e-3
     last_learning_rate: float = 1e-4
     """Fallen to linearly."""

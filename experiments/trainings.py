@@ -16,14 +16,13 @@ from data.build import summary as scenes_summary
 from experiments.evaluation import starts
 from experiments.job import Job
 from experiments.stages import run_module, run_trainings
+from imitation.gail import BETWEEN_MOMENTS
 from imitation.gail import PROFILES as GAIL_PROFILES
 from intersection_env.files import written_whole
 from intersection_env.intersection import MAPS, Intersection
 from intersection_env.policy import PolicyFile
 from intersection_env.predictor import Predictor
 from intersection_env.scenes import SPLITS, Scenes
-
-BETWEEN_MOMENTS = 4.0  # [s], by which the best seed is found
 
 
 class Trainings:

@@ -10,6 +10,7 @@ import dataclasses
 import hashlib
 import sys
 import time
+from copy import deepcopy
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -21,6 +22,7 @@ from tqdm import tqdm
 
 from agents.driving import Driver, DrivingNetwork
 from agents.export import driving_policy, gap_hash
+from agents.idm import distance_error, moments
 from agents.interrupt import Interrupted, ctrl_c
 from agents.policy_update import PolicyUpdate, UpdateSettings
 from agents.run_folder import CHECKPOINT, RunFolder, file_hash, state_hash
@@ -30,10 +32,12 @@ from imitation.discriminator import Discriminator, DiscriminatorLoss, Discrimina
 from imitation.expert import expert_steps
 from imitation.replay_error import HORIZON, replay_error
 from intersection_env.policy import DT
+from intersection_env.predictor import Predictor
 from intersection_env.recorded_tracks import steps_to_act
 from intersection_env.scenes import SPLITS, Scenes
 from intersection_env.worlds import ReplayWorlds, gap_decider
 
+BETWEEN_MOMENTS = 4.0  # [s], of those that are predicted
 NOT_DECISIVE = ("scenes", "ppo", "run", "resume", "threads", "workers", "seeds", "tensorboard")
 
 
@@ -109,7 +113,7 @@ def train_driver(
     folder: RunFolder | None = None,
     progress: bool = True,
 ) -> Driver:
-    """The trained driver.
+    """The trained driver: its policy is that of the checkpoint that predicts development best.
 
     Args:
         scenes: recorded scenes; those for training are learned from, those for development watched.
@@ -122,6 +126,11 @@ def train_driver(
         Interrupted: Ctrl-C was pressed; the checkpoint stands at the last whole epoch.
         ValueError: no usable scene.
     """
+    decider = gap_decider(settings.decider)
+    watched = moments(scenes.select("development"), BETWEEN_MOMENTS)
+    if not watched:
+        raise ValueError("no moment of the development scenes to predict from")
+    best: dict[str, Any] = {"error": float("inf")}
     torch.manual_seed(settings.seed)  # the networks' first weights
     generator = torch.Generator().manual_seed(settings.seed)
     expert = torch.from_numpy(expert_steps(scenes, "train", settings.gap).observation)
@@ -156,6 +165,7 @@ def train_driver(
             optimizer.load_state_dict(state["discriminator_optimizer"])
             collector.load_state_dict(state["collector"])
             generator.set_state(state["generator"])
+            best = state["best"]
         first = 0 if state is None else int(state["epoch"])
         bar = tqdm(total=settings.epochs, initial=first, desc="GAIL", disable=None if progress else True, unit="epoch")
         for epoch, rollout in enumerate(collector, first + 1):
@@ -184,8 +194,13 @@ def train_driver(
             stop = interrupted()
             if is_due:
                 error = replay_error(driver.policy, scenes, "development")
-                row |= {"development": dataclasses.asdict(error)}
-                bar.set_postfix(accuracy=f"{row['accuracy']:.2f}", rmse=f"{error.rmse:.1f}", mad=f"{error.mad:.1f}")
+                predictor = Predictor(driving_policy(decider, driver.policy, {}), "gail")
+                row |= {"development": dataclasses.asdict(error), "predicted": distance_error(predictor, watched)}
+                if row["predicted"] < best["error"]:
+                    best = {"error": row["predicted"], "epoch": epoch, "policy": deepcopy(driver.policy.state_dict())}
+                bar.set_postfix(
+                    accuracy=f"{row['accuracy']:.2f}", alone=f"{error.rmse:.1f}", best=f"{best['error']:.2f}"
+                )
             if folder:
                 folder.append(row)
                 if is_due or stop:
@@ -198,10 +213,12 @@ def train_driver(
                             "discriminator_optimizer": optimizer.state_dict(),
                             "collector": collector.state_dict(),
                             "generator": generator.get_state(),
+                            "best": best,
                         }
                     )
             if stop and epoch < settings.epochs:
                 raise Interrupted
+    driver.policy.load_state_dict(best["policy"])
     return driver
 
 
