@@ -67,14 +67,13 @@ statistics: $(VENV)/.package
 	$(RUN) -m data.statistics out/scenes.npz
 
 # Makes the README's figures anew: the results files, the picture, then the marked blocks.
-pages: demo bench
+pages: demo reproduce bench
 	cp out/demo/errors.csv experiments/results/errors.csv
 	cp out/demo/positions.png docs/pictures/positions.png
 	$(RUN) -m intersection_env.plots bendplatz --out docs/pictures/bendplatz.png
 	$(RUN) -m intersection_env.plots t_junction --out docs/pictures/t_junction.png
 	$(RUN) -m data.build $(RECORDINGS) --map bendplatz --out out/scenes.npz
-	$(RUN) -m experiments.gap --figure docs/pictures/gap_acceptance.png
-	$(RUN) -m experiments.gap --split validation
+	$(RUN) -m experiments.gap --scenes out/scenes.npz --out out --figure docs/pictures/gap_acceptance.png
 	$(RUN) -m experiments.environment_page
 	$(RUN) -m experiments.pages
 

@@ -27,7 +27,7 @@ from intersection_env.predictor import Prediction, Predictor
 from intersection_env.scenes import Scenes
 from intersection_env.traffic import Traffic
 
-MODELS = ("constant_velocity", "idm", "gap", "idm_calibrated", "ppo")
+MODELS = ("constant_velocity", "idm", "gap", "idm_calibrated", "ppo", "gail")
 ROWS = 10
 
 

@@ -12,6 +12,9 @@ from typing import Any
 
 import pandas as pd
 
+from experiments.headlines import headlines
+from experiments.results_files import results_in
+
 ROOT = Path(__file__).parent.parent
 RESULTS = ROOT / "experiments" / "results"
 HORIZONS = (2.0, 4.0, 6.0, 8.0, 10.0)
@@ -21,6 +24,7 @@ MODELS = {
     "gap": "gap network, IDM",
     "idm_calibrated": "gap network, calibrated IDM",
     "ppo": "gap network, PPO",
+    "gail": "gap network, GAIL",
 }
 
 SPEED_ROWS = (
@@ -206,6 +210,13 @@ def _percent(interval: dict[str, float]) -> str:
     return f"{value:.1f} [{low:.1f}, {high:.1f}]"
 
 
+def paper_table(results: dict[str, Any]) -> str:
+    """Markdown of the paper's figures with ours beside them."""
+    lines = ["| figure | paper, on inD | ours, with 95 % interval | our bar |", "|---|---|---|---|"]
+    lines += [f"| {' | '.join(row.cells()[:-1])} |" for row in headlines(results)]
+    return "\n".join(lines)
+
+
 def filled(page: str, blocks: dict[str, str]) -> str:
     """The page with each block's text between `<!-- begin NAME -->` and `<!-- end NAME -->`.
 
@@ -224,8 +235,9 @@ def readme() -> str:
     """The README as the results files make it."""
     errors = pd.read_csv(RESULTS / "errors.csv")
     bench = json.loads((RESULTS / "bench.json").read_text(encoding="utf-8"))
-    gap = json.loads((RESULTS / "gap_validation.json").read_text(encoding="utf-8"))
-    blocks = {"errors": errors_table(errors), "gap": gap_table(gap), "speed": speed_block(bench)}
+    results = results_in(RESULTS)
+    blocks = {"errors": errors_table(errors), "paper": paper_table(results), "speed": speed_block(bench)}
+    blocks["gap"] = gap_table(results["gap_validation"])
     blocks["environments"] = environments_block(bench["environments"])
     if "training" in bench:
         blocks["environments"] += f"\n\n{training_sentence(bench['training'])}"

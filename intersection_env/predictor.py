@@ -91,12 +91,13 @@ class Predictor:
         self._bound: dict[str, _core.Predictor] = {}
 
     @classmethod
-    def load(cls, policy: str | Path = "gap", *, gap: str | None = None, threads: int = 1) -> Predictor:
+    def load(cls, policy: str | Path = "gail", *, gap: str | None = None, threads: int = 1) -> Predictor:
         """A policy that ships, a rule (`"idm"`, `"constant_velocity"`) or a policy file (`.policy`).
 
-        All that ship were trained on the simulated recordings, and a network decides about gaps. Who drives: in `"gap"`
-        the IDM with the paper's parameters, in `"idm_calibrated"` with those that fit the recordings, in `"ppo"` a
-        network that learned by reward in the closed loop, not from recordings.
+        All that ship were trained on the simulated recordings, and a network decides about gaps. Who drives: in
+        `"gail"` a network that learned to drive like the recorded ones, in `"ppo"` the one that it began as, which
+        learned by reward in the closed loop; in `"gap"` the IDM with the paper's parameters, in `"idm_calibrated"` with
+        those that fit the recordings.
 
         Args:
             policy: a name or a path.

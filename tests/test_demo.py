@@ -56,7 +56,7 @@ def test_demo_ranks_draws_and_evaluates(
     assert "2 open conflicts among recorded vehicles" in printed
     assert "3 feasible orders predicted" in printed
     table = pd.read_csv(out / "errors.csv")
-    assert set(table["model"]) == {"idm", "constant_velocity", "gap", "idm_calibrated", "ppo"}
+    assert set(table["model"]) == {"idm", "constant_velocity", "gap", "idm_calibrated", "ppo", "gail"}
     # all drive steadily: constant velocity is right, the intelligent driver is not
     steadily = table[table["model"] == "constant_velocity"]
     assert steadily["rmse"].max() < 0.5 < table["rmse"].max()

@@ -19,7 +19,7 @@ def findings(predictor: Predictor, seeds: range) -> Findings:
     return found
 
 
-@pytest.mark.parametrize("name", ["ppo"])
+@pytest.mark.parametrize("name", ["ppo", "gail"])
 def test_a_shipped_driver_obeys(name: str) -> None:
     found = findings(Predictor.load(name), range(300 * CASES))
     assert not found.wrong

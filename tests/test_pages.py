@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import pandas as pd
 import pytest
 
 from data.build import build
+from experiments.crossing_order import order_results
 from experiments.evaluation import evaluate, starts
 from experiments.pages import RESULTS, ROOT, filled, readme
-from intersection_env import Intersection, Predictor
+from intersection_env import Intersection, Predictor, Scenes
 
 
 def test_readme_is_as_the_results_files_make_it() -> None:
@@ -24,11 +26,23 @@ def test_errors_file_is_what_the_shipped_recordings_give() -> None:
     moments, _ = starts(scenes)
     keys = ["model", "population", "horizon"]
     shipped = pd.read_csv(RESULTS / "errors.csv").set_index(keys).to_dict("index")
-    for model in ("constant_velocity", "idm", "gap", "idm_calibrated"):
+    for model in ("constant_velocity", "idm", "gap", "idm_calibrated", "ppo", "gail"):
         fresh = evaluate(Predictor.load(model), moments).set_index(keys).to_dict("index")
         for key, row in fresh.items():
             for figure in ("rmse", "mad", "time_loss_rmse"):
                 assert row[figure] == pytest.approx(shipped[key][figure], rel=0.02, abs=0.02), (key, figure)
+
+
+def test_reports_figures_are_what_the_shipped_policy_gives() -> None:
+    """Two of them, recomputed; decisions at a threshold may flip between instruction sets."""
+    summary = json.loads((RESULTS / "summary.json").read_text())
+    moments, _ = starts(Scenes.load("bendplatz").select("validation"))
+    gail = Predictor.load("gail")
+    at_10s = evaluate(gail, moments).set_index(["population", "horizon"]).to_dict("index")["recorded", 10.0]
+    assert at_10s["rmse"] == pytest.approx(summary["distance"]["gail"]["rmse_10s"], rel=0.02)
+    assert at_10s["time_loss_rmse"] == pytest.approx(summary["time_loss"]["gail"]["rmse_10s"], rel=0.02)
+    order = order_results([gail], moments)["recorded"]["models"]["gail"]
+    assert order["accuracy"]["value"] == pytest.approx(summary["order"]["model"], abs=0.005)
 
 
 def test_a_page_without_its_block_is_refused(tmp_path: Path) -> None:
