@@ -10,6 +10,7 @@ import json
 import os
 import sys
 from collections.abc import Mapping
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +20,7 @@ import tyro
 from agents.export import driving_network
 from agents.gap import PROFILES as GAP_PROFILES
 from experiments.crossing_order import order_results
-from experiments.evaluation import errors, starts
+from experiments.evaluation import Start, errors, starts
 from experiments.horizon import horizon_results
 from experiments.job import Job, Options
 from experiments.results_files import write_result
@@ -99,22 +100,28 @@ class Ablations:
 
     def _drivers(self, runs: Mapping[str, Path]) -> dict[str, Any]:
         """Per variant: driving alone among recorded vehicles, and predicting all."""
-        scenes = Scenes.load(self.job.scenes)
         policies = {"PPO alone, without GAIL": self.job.run_of(f"ppo_{self.job.options.seeds[0]}") / "ppo.policy"}
         policies |= {name: run / "gail.policy" for name, run in runs.items()}
         found = {}
         for name, path in policies.items():
             policy = PolicyFile.read(path)
-            alone = replay_error(driving_network(policy), scenes, "development")
+            alone = replay_error(driving_network(policy), self._scenes, "development")
             found[name] = {"alone": dataclasses.asdict(alone), **self._joint(Predictor(policy, name))}
         return found
 
     def _joint(self, predictor: Predictor) -> dict[str, Any]:
         """Errors after 10 s of vehicles recorded at the start and then, and how often crossing orders are right."""
-        moments, _ = starts(Scenes.load(self.job.scenes).select("development"))
-        order = order_results([predictor], moments)["recorded"]["models"][predictor.name]
-        at_10s = horizon_results({predictor.name: errors(predictor, moments)})["at_10s"][predictor.name]
+        order = order_results([predictor], self._moments)["recorded"]["models"][predictor.name]
+        at_10s = horizon_results({predictor.name: errors(predictor, self._moments)})["at_10s"][predictor.name]
         return {"order": order["accuracy"], **at_10s}
+
+    @cached_property
+    def _scenes(self) -> Scenes:
+        return Scenes.load(self.job.scenes)
+
+    @cached_property
+    def _moments(self) -> list[Start]:
+        return starts(self._scenes.select("development"))[0]
 
 
 def ablate(options: Options) -> None:
