@@ -57,7 +57,13 @@ class PolicyUpdate:
         critic = TensorDictModule(_Value(driver.value), ["observation"], ["state_value"])
         self._gae = GAE(gamma=settings.gamma, lmbda=settings.trace, value_network=None, vectorized=False)
         self._loss = ClipPPOLoss(
-            actor, critic, clip_epsilon=settings.clip, entropy_bonus=False, critic_coeff=CRITIC_SHARE
+            actor,
+            critic,
+            clip_epsilon=settings.clip,
+            entropy_bonus=False,
+            critic_coeff=CRITIC_SHARE,
+            functional=False,
+            log_explained_variance=False,
         )
 
     def advantages(self, rollout: TensorDict) -> TensorDict:
@@ -80,7 +86,8 @@ class PolicyUpdate:
         """
         for group in self.optimizer.param_groups:
             group["lr"] = learning_rate
-        samples = samples[torch.randperm(len(samples), generator=generator)]
+        order = torch.randperm(len(samples), generator=generator)
+        samples = samples.apply(lambda values: values.index_select(0, order))  # twice as fast as samples[order]
         value_loss, updates = 0.0, 0
         terms: Any = None
         for _ in range(self.settings.passes):
