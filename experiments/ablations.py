@@ -9,7 +9,7 @@ import dataclasses
 import json
 import os
 import sys
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -20,11 +20,14 @@ import tyro
 from agents.export import driving_network
 from agents.gap import PROFILES as GAP_PROFILES
 from experiments.crossing_order import order_results
-from experiments.evaluation import Start, errors, starts
+from experiments.evaluation import Forecaster, Start, errors, starts
 from experiments.horizon import horizon_results
 from experiments.job import Job, Options
+from experiments.lead_across import AcrossPredictor, TorchForecaster
+from experiments.maneuver_gain import thinned
 from experiments.results_files import write_result
 from experiments.stages import exit_status_of, run_trainings
+from experiments.torch_predictor import TorchPredictor
 from experiments.trainings import Trainings
 from imitation.gail import PROFILES as GAIL_PROFILES
 from imitation.replay_error import replay_error
@@ -46,7 +49,9 @@ GAIL = {
     "from random networks, without PPO": ["--ppo", "None"],
 }
 """Options of `imitation.gail`, where they are not the default ones; {gap} is the gap network's policy file."""
-DEFAULT_GAP, DEFAULT_GAIL = "gap network as it ships", "GAIL as it ships"
+DEFAULT_GAP, DEFAULT_GAIL = "gap network, nothing changed", "GAIL, nothing changed"
+IN_CORE, IN_TORCH, ACROSS = "in one's own lane", "the same, as plain torch operations", "who stands across the path too"
+LEAD_MOMENTS = 500
 
 
 class Ablations:
@@ -78,7 +83,7 @@ class Ablations:
         )
         gap = {DEFAULT_GAP: self.job.run_of("gap")} | gap
         gail = {DEFAULT_GAIL: self.job.run_of(f"gail_{seed}")} | gail
-        content = {"gap": self._gaps(gap), "gail": self._drivers(gail)}
+        content = {"gap": self._gaps(gap), "gail": self._drivers(gail), "lead": self._leads()}
         write_result(self.output, content)
 
     def _train(self, commands: Mapping[Path, list[str]], epochs: int) -> None:
@@ -109,10 +114,22 @@ class Ablations:
             found[name] = {"alone": dataclasses.asdict(alone), **self._joint(Predictor(policy, name))}
         return found
 
-    def _joint(self, predictor: Predictor) -> dict[str, Any]:
+    def _leads(self) -> dict[str, Any]:
+        """With whom to follow changed, in predictions; no driver has been trained with it."""
+        policy = PolicyFile.read(self.job.policy("gail"))
+        forecasters: tuple[Forecaster, ...] = (
+            Predictor(policy, IN_CORE),
+            TorchForecaster(IN_TORCH, policy, TorchPredictor),
+            TorchForecaster(ACROSS, policy, AcrossPredictor),
+        )
+        moments = thinned(self._moments, LEAD_MOMENTS)  # torch operations are slow
+        return {one.name: self._joint(one, moments) for one in forecasters}
+
+    def _joint(self, forecaster: Forecaster, moments: Sequence[Start] | None = None) -> dict[str, Any]:
         """Errors after 10 s of vehicles recorded at the start and then, and how often crossing orders are right."""
-        order = order_results([predictor], self._moments)["recorded"]["models"][predictor.name]
-        at_10s = horizon_results({predictor.name: errors(predictor, self._moments)})["at_10s"][predictor.name]
+        moments = self._moments if moments is None else moments
+        order = order_results([forecaster], moments)["recorded"]["models"][forecaster.name]
+        at_10s = horizon_results({forecaster.name: errors(forecaster, moments)})["at_10s"][forecaster.name]
         return {"order": order["accuracy"], **at_10s}
 
     @cached_property
@@ -143,8 +160,8 @@ def main(options: Options) -> int:
 
 
 def table(results: Mapping[str, Any]) -> str:
-    """Both tables as Markdown."""
-    return f"{gap_table(results['gap'])}\n\n{gail_table(results['gail'])}"
+    """All tables as Markdown."""
+    return "\n\n".join((gap_table(results["gap"]), gail_table(results["gail"]), lead_table(results["lead"])))
 
 
 def gap_table(rows: Mapping[str, Any]) -> str:
@@ -176,6 +193,15 @@ def gail_table(rows: Mapping[str, Any]) -> str:
         cells = [f"{alone['rmse']:.1f}", f"{alone['mad']:.1f}"]
         cells += [f"{100.0 * alone[key]:.1f}" for key in ("collisions", "line_runs")]
         cells += [_metres(row[key]) for key in ("distance_rmse", "distance_mad")]
+        lines.append(f"| {name} | {' | '.join(cells)} |")
+    return "\n".join(lines)
+
+
+def lead_table(rows: Mapping[str, Any]) -> str:
+    """Markdown of who leads."""
+    lines = ["| whom to follow | crossing order right [%] | RMSE [m] | MAD [m] |", "|---" * 4 + "|"]
+    for name, row in rows.items():
+        cells = (_percent(row["order"]), *(_metres(row[key]) for key in ("distance_rmse", "distance_mad")))
         lines.append(f"| {name} | {' | '.join(cells)} |")
     return "\n".join(lines)
 

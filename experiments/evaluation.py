@@ -83,7 +83,10 @@ def starts(scenes: Scenes) -> tuple[list[Start], dict[str, str]]:
 class Forecaster(Protocol):
     """What is evaluated: a `Predictor`, or whoever predicts as it does."""
 
-    name: str
+    @property
+    def name(self) -> str:
+        """The model's, in tables."""
+        ...
 
     def predict(self, traffic: Traffic, /) -> Prediction:
         """The case in which nobody intervenes, as of `Predictor.predict`."""

@@ -148,6 +148,11 @@ def _ablations(found: Json | None) -> Iterator[str]:
     yield ablations.gap_table(found["gap"])
     yield "Drivers, one seed each: alone among recorded vehicles with the recorded order, and predicting all jointly."
     yield ablations.gail_table(found["gail"])
+    yield (
+        "Whom to follow, in predictions by the driver of this report, which was trained with leads in its own lane; "
+        f"{ablations.LEAD_MOMENTS} starts with an open conflict."
+    )
+    yield ablations.lead_table(found["lead"])
 
 
 def _called(name: str) -> str:

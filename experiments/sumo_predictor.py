@@ -30,12 +30,11 @@ from numpy.typing import NDArray
 
 from data import sumo_network
 from experiments.evaluation import evaluate, starts
+from experiments.motions import prediction_of_motions
 from experiments.peers import MAP, sumo_files
-from intersection_env import _core
 from intersection_env.intersection import Intersection
 from intersection_env.map_source import MapSource
-from intersection_env.metrics import time_loss
-from intersection_env.predictor import DT, STEPS, Prediction, Predictor
+from intersection_env.predictor import STEPS, Prediction, Predictor
 from intersection_env.scene import SPLITS
 from intersection_env.scenes import Scenes
 from intersection_env.traffic import Traffic
@@ -106,7 +105,7 @@ class SumoPredictor:
                 position[step:, i] = begin + scale * vehicle.getLanePosition(id) - 0.5 * traffic.length[i]
                 speed[step:, i] = scale * vehicle.getSpeed(id)
                 present[step, i] = True
-        return _prediction(traffic, position, speed, present)
+        return prediction_of_motions(traffic, position, speed, present)
 
     def _restore(self, traffic: Traffic) -> None:
         """Puts the vehicles, named by their indices, into an empty SUMO.
@@ -132,37 +131,6 @@ class SumoPredictor:
             lane, begin, scale = lanes[-1]
             vehicle.moveTo(id, lane, (front - begin) / scale)
             vehicle.setPreviousSpeed(id, float(traffic.speed[i]) / scale, 0.0)
-
-
-def _prediction(traffic: Traffic, position: Floats, speed: Floats, present: Flags) -> Prediction:
-    """What follows from the motions (time, vehicle), by the measures of our own predictions."""
-    acceleration = np.diff(speed, axis=0) / np.float32(DT)
-    stop_line = np.array([traffic.intersection.routes[route].stop_line for route in traffic.route], np.float32)
-    lost = np.zeros((1, len(traffic)), np.float32)
-    for i, route in enumerate(traffic.route):
-        inside = slice(0, int(present[:, i].sum()) + 1)  # off the map no time is lost
-        x, v = (np.ascontiguousarray(one[inside, i]) for one in (position, speed))
-        lost[0, i] = time_loss(traffic.intersection, int(route), x, v, float(traffic.max_speed[i]))[-1]
-    return Prediction(
-        traffic=traffic,
-        time=np.arange(STEPS + 1, dtype=np.float32) * np.float32(DT),
-        position=position[None],
-        speed=speed[None],
-        acceleration=np.concatenate([acceleration, acceleration[-1:]])[None],
-        enters=(position + 0.5 * traffic.length >= stop_line)[None],
-        present=present[None],
-        time_loss=lost,
-        minimum_distance=np.array([_minimum_distance(traffic, position, speed, present)], np.float32),
-    )
-
-
-def _minimum_distance(traffic: Traffic, position: Floats, speed: Floats, present: Flags) -> float:
-    core, nearest = traffic.intersection.core, np.inf
-    for x, v, on in zip(position, speed, present, strict=True):
-        size = traffic.length[on], traffic.width[on], traffic.max_speed[on]
-        closest = _core.closest(core, _core.Traffic(core, traffic.route[on], x[on], v[on], *size))
-        nearest = nearest if closest is None else min(nearest, closest[0])
-    return nearest
 
 
 class StoredPredictions:

@@ -6,7 +6,7 @@ the core.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -21,13 +21,17 @@ LEAST_LEAD_GAP, ROUNDED_STOP, OVERSHOOT = 0.5, 0.02, 0.05  # [m], of what limits
 FAR, FAR_SPEED = 100.0, 100.0 / 3.6  # without a lead [m], [m/s]
 
 
-class Predicted(NamedTuple):
-    """position: (scenario, vehicle) after 10 s [m]. time_loss: (scenario, vehicle) [s].
+class Moment(NamedTuple):
+    """All scenarios after a step.
 
-    asked: how many gaps of all scenarios, pairs and steps were left to the gap network.
+    position: (scenario, vehicle) [m]. speed: (scenario, vehicle) [m/s]. present: (scenario, vehicle) bool, on the map.
+    time_loss: (scenario, vehicle) until now [s]. asked: how many gaps of all scenarios, pairs and steps were left to
+    the gap network until now.
     """
 
     position: Tensor
+    speed: Tensor
+    present: Tensor
     time_loss: Tensor
     asked: Tensor
 
@@ -93,9 +97,14 @@ class TorchPredictor:
         self.to_i = torch.nn.functional.one_hot(self.i, len(self.route)).float()
         self.to_j = torch.nn.functional.one_hot(self.j, len(self.route)).float()
 
+    def predict(self, assignment: Tensor) -> Moment:
+        """How it is after 10 s, under int8 assignments (scenario, pair), completed already."""
+        *_, last = self.moments(assignment)
+        return last
+
     @torch.inference_mode()
-    def predict(self, assignment: Tensor) -> Predicted:
-        """The next 10 s under int8 assignments (scenario, pair), completed already."""
+    def moments(self, assignment: Tensor) -> Iterator[Moment]:
+        """The next 10 s step by step, as of `predict`."""
         shape = (len(assignment), len(self.route))
         position, speed = self.position.expand(shape), self.speed.expand(shape)
         delta, hold = self.delta.expand(shape), torch.full(shape, -1)
@@ -138,7 +147,7 @@ class TorchPredictor:
             position = torch.where(present, position + 0.5 * DT * (speed + faster), position)
             speed = torch.where(present, faster, speed)
             present = present & (position < self.length)
-        return Predicted(position, lost, asked)
+            yield Moment(position, speed, present, lost, asked)
 
     def _limited(
         self, acceleration: Tensor, speed: Tensor, to_line: Tensor, may_run: Tensor, to_lead: Tensor, lead_speed: Tensor

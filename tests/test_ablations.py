@@ -14,8 +14,8 @@ import tyro
 from agents.driving import DrivingNetwork
 from agents.export import driving_policy
 from agents.gap import PROFILES as GAP_PROFILES
-from experiments import ablations, intervals
-from experiments.ablations import DEFAULT_GAIL, DEFAULT_GAP, GAIL, GAP, Ablations, gail_table, gap_table
+from experiments import ablations, intervals, lead_across
+from experiments.ablations import DEFAULT_GAIL, DEFAULT_GAP, GAIL, GAP, Ablations, gail_table, gap_table, lead_table
 from experiments.job import Job, Options
 from imitation.gail import PROFILES as GAIL_PROFILES
 from intersection_env.worlds import gap_decider
@@ -31,7 +31,7 @@ def job(tmp_path: Path) -> Job:
     made.keys |= {"scenes": "some", "gail": "others"}
     made.scenes.parent.mkdir(parents=True)
     small_scenes("train", "development").save(made.scenes)
-    for name in ("gap", "idm_calibrated"):
+    for name in ("gap", "idm_calibrated", "gail"):
         made.policy(name).parent.mkdir(parents=True, exist_ok=True)
         made.policy(name).write_text(Path(f"intersection_env/policies/{name}.policy").read_text())
     driver(made.run_of("ppo_5") / "ppo.policy")
@@ -61,6 +61,8 @@ def trained(job: Job, monkeypatch: pytest.MonkeyPatch) -> Trainings:
 
     monkeypatch.setattr(ablations, "run_trainings", train)
     monkeypatch.setattr(intervals, "RESAMPLES", 20)
+    monkeypatch.setattr(ablations, "LEAD_MOMENTS", 6)
+    monkeypatch.setattr(lead_across, "STANDING", 50.0)  # in so few moments nobody stands
     torch.manual_seed(0)
     Ablations(job).run()
     return commands
@@ -76,6 +78,10 @@ def test_every_variant_is_trained_and_measured_once(job: Job, monkeypatch: pytes
     assert all(row == first for row in results["gap"].values()), "the same network, measured differently"
     assert gap_table(results["gap"]).count("\n") == 2 + len(GAP)
     assert gail_table(results["gail"]).count("\n") == 3 + len(GAIL)
+    in_core, in_torch, across = results["lead"].values()
+    assert in_torch["distance_rmse"]["value"] == pytest.approx(in_core["distance_rmse"]["value"], abs=1e-3)
+    assert across != in_torch, "nobody was ever across a path"
+    assert lead_table(results["lead"]).count("\n") == 4
     assert not trained(job, monkeypatch), "done again"
 
 

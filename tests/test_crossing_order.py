@@ -100,10 +100,8 @@ def recordings_replayed(moments: Sequence[Start], name: str = "recording") -> Fo
     return Told(name, {id(start.traffic): start.recorded().data[None] for start in moments})
 
 
-def nobody_moves(moments: Sequence[Start]) -> Forecaster:
-    return Told(
-        "nobody_moves", {id(one.traffic): np.repeat(one.traffic.position[None, None], 51, 1) for one in moments}
-    )
+def nobody_moves(moments: Sequence[Start], name: str = "nobody_moves") -> Forecaster:
+    return Told(name, {id(one.traffic): np.repeat(one.traffic.position[None, None], 51, 1) for one in moments})
 
 
 @pytest.mark.parametrize(

@@ -86,8 +86,7 @@ def _order() -> Results:
     bendplatz = Intersection.load("bendplatz")
     moments = first(bendplatz, *(pair(bendplatz, 30, 30 + k, f"{10 + k}") for k in (-5, -2, 3)))
     right = [recordings_replayed(moments, name) for name in ("gail", "ppo")]
-    wrong = nobody_moves(moments)
-    wrong.name = "idm"
+    wrong = nobody_moves(moments, "idm")
     return order_results([*right, wrong, Predictor(Predictor.load("gap").policy, "idm_calibrated")], moments)
 
 

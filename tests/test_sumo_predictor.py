@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 from experiments.evaluation import evaluate, starts
-from experiments.sumo_predictor import StoredPredictions, SumoPredictor, _prediction, predictions
+from experiments.motions import prediction_of_motions
+from experiments.sumo_predictor import StoredPredictions, SumoPredictor, predictions
 from intersection_env import Intersection, Predictor, Scenes, Traffic, Vehicle
 
 BENDPLATZ = Intersection.load("bendplatz")
@@ -104,7 +105,7 @@ def test_measures_are_those_of_our_own_predictions(found: StoredPredictions) -> 
     """Shapes and types too; they are taken of the IDM's motions, of which ours are known."""
     for one in MOMENTS:
         ours = Predictor.load("idm").predict(one.traffic)
-        measured = _prediction(one.traffic, ours.position[0], ours.speed[0], ours.present[0])
+        measured = prediction_of_motions(one.traffic, ours.position[0], ours.speed[0], ours.present[0])
         np.testing.assert_allclose(measured.time_loss, ours.time_loss, atol=1e-3)
         np.testing.assert_allclose(measured.minimum_distance, ours.minimum_distance, atol=1e-3)
         for name in ("time", "position", "acceleration", "enters", "present", "time_loss", "minimum_distance"):
