@@ -20,11 +20,10 @@ import tyro
 from agents.export import driving_network
 from agents.gap import PROFILES as GAP_PROFILES
 from experiments.crossing_order import order_results
-from experiments.evaluation import Forecaster, Start, errors, starts
+from experiments.evaluation import Forecaster, Start, contested, errors, starts, thinned
 from experiments.horizon import horizon_results
 from experiments.job import Job, Options
 from experiments.lead_across import AcrossPredictor, TorchForecaster
-from experiments.maneuver_gain import thinned
 from experiments.results_files import write_result
 from experiments.stages import exit_status_of, run_trainings
 from experiments.torch_predictor import TorchPredictor
@@ -122,7 +121,7 @@ class Ablations:
             TorchForecaster(IN_TORCH, policy, TorchPredictor),
             TorchForecaster(ACROSS, policy, AcrossPredictor),
         )
-        moments = thinned(self._moments, LEAD_MOMENTS)  # torch operations are slow
+        moments = thinned(contested(self._moments), LEAD_MOMENTS)  # torch operations are slow
         return {one.name: self._joint(one, moments) for one in forecasters}
 
     def _joint(self, forecaster: Forecaster, moments: Sequence[Start] | None = None) -> dict[str, Any]:

@@ -80,6 +80,23 @@ def starts(scenes: Scenes) -> tuple[list[Start], dict[str, str]]:
     return found, refused
 
 
+def contested(moments: Sequence[Start]) -> list[Start]:
+    """Those with an open conflict."""
+    return [start for start in moments if len(start.traffic.conflicts)]
+
+
+def thinned(moments: Sequence[Start], most: int) -> list[Start]:
+    """At most so many of the moments, evenly spread over them.
+
+    Raises:
+        ValueError: `most` is below 1.
+    """
+    if most < 1:
+        raise ValueError(f"the number of moments must be at least 1, not {most}")
+    places = np.linspace(0, len(moments) - 1, min(most, len(moments))).round().astype(np.int64)
+    return [moments[place] for place in places.tolist()]
+
+
 class Forecaster(Protocol):
     """What is evaluated: a `Predictor`, or whoever predicts as it does."""
 

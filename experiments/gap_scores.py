@@ -4,17 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
-from typing import TYPE_CHECKING, Any, get_args
+from typing import Any, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
 from agents.baselines import Decider, Floats
 from agents.gap_samples import UNKNOWN, Foes, GapSamples
-
-if TYPE_CHECKING:
-    pass
-
 
 NETWORK = "network"
 RESAMPLES, COVERAGE, SEED = 2000, 0.95, 0

@@ -18,7 +18,7 @@ import numpy as np
 import tyro
 from numpy.typing import NDArray
 
-from experiments.evaluation import Start, starts
+from experiments.evaluation import Start, contested, starts, thinned
 from experiments.intervals import interval
 from experiments.results_files import write_result
 from intersection_env.maneuvers import COUNT_LIMIT, LIMIT, WORTHWHILE_GAIN, rank_maneuvers
@@ -50,19 +50,6 @@ class Best(NamedTuple):
     orders: int
 
 
-def thinned(moments: Sequence[Start], most: int) -> list[Start]:
-    """At most so many of the moments with an open conflict, evenly spread over them.
-
-    Raises:
-        ValueError: `most` is below 1.
-    """
-    if most < 1:
-        raise ValueError(f"the number of moments must be at least 1, not {most}")
-    contested = [start for start in moments if len(start.traffic.conflicts)]
-    places = np.linspace(0, len(contested) - 1, min(most, len(contested))).round().astype(np.int64)
-    return [contested[place] for place in places.tolist()]
-
-
 def cooperative_sets(ids: Sequence[str], generator: np.random.Generator) -> list[list[str]]:
     """The vehicles that cooperate at each of `SHARES`: each does with that probability, and at all greater ones."""
     drawn = generator.random(len(ids))
@@ -87,7 +74,7 @@ def maneuver_results(predictor: Predictor, moments: Sequence[Start], seed: int, 
 
     Args:
         predictor: who drives.
-        moments: each with an open conflict, as `thinned` gives them.
+        moments: each with an open conflict, as `contested` gives them.
         seed: of who cooperates, drawn anew in each moment.
         limit: orders predicted at most in a moment, those nearest to no intervention first.
 
@@ -246,7 +233,7 @@ def main(options: Options) -> int:
     """Measures as told, prints the table, writes the results; returns the exit status."""
     try:
         moments, _ = starts(Scenes.load(options.scenes).select(options.split))
-        chosen = thinned(moments, options.moments)
+        chosen = thinned(contested(moments), options.moments)
         results = maneuver_results(Predictor.load(options.policy), chosen, options.seed, options.limit)
         print(table(results))
         if options.figure:

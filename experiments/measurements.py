@@ -14,10 +14,10 @@ from agents.driving import DrivingNetwork
 from agents.export import driving_network
 from experiments.closed_loop import closed_loop_results
 from experiments.crossing_order import order_results
-from experiments.evaluation import Forecaster, Start, starts
+from experiments.evaluation import Forecaster, Start, contested, starts
 from experiments.horizon import measured
 from experiments.job import Job
-from experiments.maneuver_gain import maneuver_results, thinned
+from experiments.maneuver_gain import maneuver_results
 from experiments.results_files import write_result
 from experiments.runtime import Options as RuntimeOptions
 from experiments.runtime import runtime_results
@@ -30,7 +30,6 @@ from intersection_env.predictor import Predictor
 from intersection_env.scenes import SPLITS, Scenes
 
 SIMULATED = Path("data/recordings").resolve()
-MOMENTS = 100_000  # at most, in which maneuvers are searched for: all
 SEED = 0  # of random choices in the measurements
 UNTRAINED_SEED = 0
 
@@ -104,7 +103,7 @@ class Measurements:
 
     def _maneuvers(self) -> None:
         moments, _ = starts(Scenes.load(self.job.scenes).select("validation"))
-        results = maneuver_results(self._named("gail"), thinned(moments, MOMENTS), SEED)
+        results = maneuver_results(self._named("gail"), contested(moments), SEED)
         self._write("maneuvers_validation", results)
 
     def _closed_loop(self) -> None:

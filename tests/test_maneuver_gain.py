@@ -11,7 +11,7 @@ import pytest
 from matplotlib.figure import Figure
 
 from experiments import intervals, maneuver_gain
-from experiments.evaluation import Start, starts
+from experiments.evaluation import Start, contested, starts, thinned
 from experiments.maneuver_gain import (
     SHARES,
     Options,
@@ -21,7 +21,6 @@ from experiments.maneuver_gain import (
     maneuver_results,
     plot,
     table,
-    thinned,
 )
 from experiments.results_files import rounded
 from intersection_env import Intersection, Predictor, Scene, Scenes, Traffic, Vehicle, crossing_orders, rank_maneuvers
@@ -67,7 +66,7 @@ def scenes_of(count: int, split: str = "development") -> Scenes:
 
 @pytest.fixture(scope="module")
 def moments() -> list[Start]:
-    return thinned(starts(scenes_of(8))[0], 100)
+    return contested(starts(scenes_of(8))[0])
 
 
 def test_vehicles_that_cooperate_at_a_share_do_so_at_all_greater_ones() -> None:
@@ -149,15 +148,16 @@ def test_same_seed_gives_the_same_results_and_another_does_not(gap: Predictor, m
     assert once["shares"][-1] == other["shares"][-1]
 
 
-def test_thinned_moments_are_spread_evenly_over_those_with_an_open_conflict() -> None:
+def test_contested_moments_are_thinned_evenly() -> None:
     bendplatz = Intersection.load("bendplatz")
     alone = Traffic.of(bendplatz, [Vehicle("07/1", "SW-NE", 30.0, 5.0)])
     scenes = scenes_of(9)
     every, _ = starts(Scenes(bendplatz, (scene_of(alone, 99), *scenes.scenes), {}, {}))
-    chosen = thinned(every, 5)
-    assert [start.scene.recording for start in chosen] == ["00", "02", "04", "06", "08"]
-    assert len(thinned(every, 100)) == 9
-    assert thinned(every[:1], 5) == []
+    chosen = contested(every)
+    assert len(chosen) == 9 < len(every)
+    assert [start.scene.recording for start in thinned(chosen, 5)] == ["00", "02", "04", "06", "08"]
+    assert thinned(chosen, 100) == chosen
+    assert thinned([], 5) == []
     with pytest.raises(ValueError, match="at least 1, not 0"):
         thinned(every, 0)
 
@@ -191,7 +191,7 @@ def test_results_of_the_split_asked_for_are_written_printed_and_drawn(
     figure = tmp_path / "maneuvers.svg"
     options = Options(tmp_path / "scenes.npz", "gap", moments=3, limit=20, seed=3, out=tmp_path, figure=figure)
     assert main(options) == 0
-    expected = maneuver_results(gap, thinned(starts(own)[0], 3), 3, 20)
+    expected = maneuver_results(gap, thinned(contested(starts(own)[0]), 3), 3, 20)
     content = json.loads((tmp_path / "maneuvers_development.json").read_text(encoding="utf-8"))
     assert content == rounded({"split": "development", **expected})
     assert capsys.readouterr().out.strip() == table(expected)

@@ -25,10 +25,10 @@ from agents.validation_run import validation_run
 from experiments import closed_loop, intervals, report, runtime
 from experiments.closed_loop import closed_loop_results
 from experiments.crossing_order import order_results
-from experiments.evaluation import starts
+from experiments.evaluation import contested, starts, thinned
 from experiments.headlines import Row, headlines
 from experiments.horizon import horizon_results
-from experiments.maneuver_gain import maneuver_results, thinned
+from experiments.maneuver_gain import maneuver_results
 from experiments.pages import RESULTS as SHIPPED
 from experiments.report import write_report
 from experiments.results_files import RESULTS
@@ -72,7 +72,7 @@ def computed(tmp_path_factory: pytest.TempPathFactory) -> Results:
         replay = dataclasses.asdict(ReplayError(5.0, 2.0, 100, 0.01, 0.002))
         results["replay_development"] = dict.fromkeys(("untrained", "ppo", "ppo_0", "gail", "gail_0"), replay)
         results["maneuvers_validation"] = maneuver_results(
-            Predictor.load("gap"), thinned(starts(scenes_of(3))[0], 9), 0
+            Predictor.load("gap"), thinned(contested(starts(scenes_of(3))[0]), 9), 0
         )
         results["closed_loop"] = _closed_loop(tmp_path_factory.mktemp("policies"))
         results["runtime"] = runtime_results(runtime.Options(policy="ppo", scenes=2))
