@@ -29,10 +29,9 @@ def interval(samples: Mapping[str, Floats], statistic: Callable[[Floats], float]
     if not parts:
         raise ValueError("no samples to take an interval of")
     generator = np.random.default_rng(SEED)
-    drawn = [
-        statistic(np.concatenate([parts[k] for k in generator.integers(len(parts), size=len(parts))]))
-        for _ in range(RESAMPLES)
-    ]
+    resamples = np.sort([generator.integers(len(parts), size=len(parts)) for _ in range(RESAMPLES)], axis=1)
+    kinds, which = np.unique(resamples, axis=0, return_inverse=True)  # of few recordings most are drawn again and again
+    drawn = np.array([statistic(np.concatenate([parts[k] for k in row])) for row in kinds])[which.reshape(-1)]
     tail = 0.5 * (1.0 - COVERAGE)
     low, high = np.quantile(drawn, [tail, 1.0 - tail])
     return {"value": float(statistic(np.concatenate(parts))), "low": float(low), "high": float(high)}

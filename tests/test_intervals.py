@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from experiments import intervals
 from experiments.intervals import interval
 
 
@@ -43,3 +44,21 @@ def test_rows_compare_models_on_the_same_samples() -> None:
 def test_nothing_to_measure_is_refused() -> None:
     with pytest.raises(ValueError, match="no samples"):
         interval({"01": np.zeros(0)}, mean)
+
+
+def test_resamples_drawn_alike_count_as_often_as_they_are_drawn() -> None:
+    """Of three recordings there are ten resamples, so each figure is taken ten times and once as they are."""
+    parts = [np.array([1.0, 2.0]), np.array([4.0]), np.array([9.0, 8.0, 5.0])]
+    asked = []
+
+    def counted(samples: np.ndarray) -> float:
+        asked.append(len(samples))
+        return mean(samples)
+
+    found = interval({str(k): part for k, part in enumerate(parts)}, counted)
+    assert len(asked) == 10 + 1
+    generator = np.random.default_rng(intervals.SEED)
+    drawn = [
+        mean(np.concatenate([parts[k] for k in generator.integers(3, size=3)])) for _ in range(intervals.RESAMPLES)
+    ]
+    assert (found["low"], found["high"]) == pytest.approx(np.quantile(drawn, [0.025, 0.975]))
