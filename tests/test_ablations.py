@@ -14,6 +14,7 @@ import tyro
 from agents.driving import DrivingNetwork
 from agents.export import driving_policy
 from agents.gap import PROFILES as GAP_PROFILES
+from agents.run_folder import METRICS
 from experiments import ablations, intervals, lead_across
 from experiments.ablations import DEFAULT_GAIL, DEFAULT_GAP, GAIL, GAP, Ablations, gail_table, gap_table, lead_table
 from experiments.job import Job, Options
@@ -44,6 +45,8 @@ def job(tmp_path: Path) -> Job:
 def driver(path: Path) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
     driving_policy(gap_decider("gap"), DrivingNetwork(), {}).save(path)
+    rows = [{"epoch": 1}, {"predicted": 3.0}, {"predicted": 2.0}, {"predicted": 2.5}] if path.stem == "gail" else [{}]
+    (path.parent / METRICS).write_text("".join(f"{json.dumps(row)}\n" for row in rows))
 
 
 def trained(job: Job, monkeypatch: pytest.MonkeyPatch) -> Trainings:
@@ -73,7 +76,9 @@ def test_every_variant_is_trained_and_measured_once(job: Job, monkeypatch: pytes
     assert len(commands) == len(GAP) + len(GAIL)
     results = json.loads((job.options.out / "ablations.json").read_text())
     assert list(results["gap"]) == [DEFAULT_GAP, *GAP]
-    assert list(results["gail"]) == ["PPO alone, without GAIL", DEFAULT_GAIL, *GAIL]
+    assert list(results["gail"]) == ["PPO alone, without GAIL", f"{DEFAULT_GAIL}, seed 5", *GAIL]
+    seen = [row["checkpoints"] for row in results["gail"].values()]
+    assert seen == [None] + [{"best": 2.0, "last": 2.5}] * (1 + len(GAIL))
     first, *_ = results["gap"].values()
     assert all(row == first for row in results["gap"].values()), "the same network, measured differently"
     assert gap_table(results["gap"]).count("\n") == 2 + len(GAP)
