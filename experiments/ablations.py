@@ -205,8 +205,7 @@ def gail_table(rows: Mapping[str, Any]) -> str:
         "line run [%]",
         "all predicted: RMSE [m]",
         "MAD [m]",
-        "2 to 10 s: best checkpoint [m]",
-        "last [m]",
+        "best, last checkpoint [m]",
     )
     lines = [f"| {' | '.join(heads)} |", "|---" * len(heads) + "|"]
     for name, row in rows.items():
@@ -215,7 +214,7 @@ def gail_table(rows: Mapping[str, Any]) -> str:
         cells += [f"{100.0 * alone[key]:.1f}" for key in ("collisions", "line_runs")]
         cells += [_metres(row[key]) for key in ("distance_rmse", "distance_mad")]
         seen = row["checkpoints"]
-        cells += ["", ""] if seen is None else [f"{seen[key]:.1f}" for key in ("best", "last")]
+        cells.append("" if seen is None else f"{seen['best']:.1f}, {seen['last']:.1f}")
         lines.append(f"| {name} | {' | '.join(cells)} |")
     return "\n".join(lines)
 

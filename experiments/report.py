@@ -43,7 +43,7 @@ table { border-collapse: collapse; margin: 1rem 0; display: block; overflow-x: a
 th, td { border-bottom: 1px solid var(--line); padding: .3rem 1rem .3rem 0; text-align: left; vertical-align: top;
   white-space: nowrap; }
 th { border-bottom: 2px solid #888; vertical-align: bottom; }
-td:first-child { position: sticky; left: 0; background: var(--page); white-space: normal; min-width: 7rem; }
+td:first-child { position: sticky; left: 0; background: var(--page); white-space: normal; min-width: 11rem; }
 code { background: var(--quiet); padding: 0 .2rem; font-size: .9em; }
 td code { padding: 0; background: none; }
 pre { background: var(--quiet); padding: .7rem; overflow-x: auto; font-size: 13px; line-height: 1.4; }
