@@ -38,7 +38,15 @@ class DrivingNetwork(nn.Module):
 
     def forward(self, features: Tensor) -> Tensor:
         """The output (...,) of each row of features (..., 12), unscaled."""
-        x = torch.tanh(self.first((features - self.shift) * self.scale))
+        return self.of_scaled(self.scaled(features))
+
+    def scaled(self, features: Tensor) -> Tensor:
+        """The features (..., 12) as the first layer takes them."""
+        return (features - self.shift) * self.scale
+
+    def of_scaled(self, x: Tensor) -> Tensor:
+        """As `forward`, of features that are scaled already."""
+        x = torch.tanh(self.first(x))
         out: Tensor = self.last(torch.tanh(self.second(x)))
         return out.squeeze(-1)
 

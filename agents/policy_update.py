@@ -13,7 +13,7 @@ from torchrl.modules import IndependentNormal, ProbabilisticActor
 from torchrl.objectives import ClipPPOLoss
 from torchrl.objectives.value import GAE
 
-from agents.driving import Driver
+from agents.driving import Driver, DrivingNetwork
 
 LEARNT_FROM = ("observation", "action", "action_log_prob", "advantage", "value_target")
 ADAM_EPSILON = 1e-5
@@ -44,17 +44,20 @@ class PolicyUpdate:
     """Updates a driver's policy and value networks, with one Adam for both."""
 
     def __init__(self, driver: Driver, settings: UpdateSettings) -> None:
-        self.settings = settings
+        """Updates this driver, whose networks scale their inputs alike."""
+        assert torch.equal(driver.policy.shift, driver.value.shift)
+        assert torch.equal(driver.policy.scale, driver.value.scale)
+        self.driver, self.settings = driver, settings
         self.parameters = [*driver.policy.parameters(), *driver.value.parameters()]
         self.optimizer = torch.optim.Adam(self.parameters, eps=ADAM_EPSILON)
         actor = ProbabilisticActor(
-            TensorDictModule(driver, ["observation"], ["loc", "scale"]),
+            TensorDictModule(_Mean(driver), ["scaled"], ["loc", "scale"]),
             in_keys=["loc", "scale"],
             distribution_class=IndependentNormal,
             distribution_kwargs={"tanh_loc": False},
             return_log_prob=True,
         )
-        critic = TensorDictModule(_Value(driver.value), ["observation"], ["state_value"])
+        critic = TensorDictModule(_Value(driver.value), ["scaled"], ["state_value"])
         self._gae = GAE(gamma=settings.gamma, lmbda=settings.trace, value_network=None, vectorized=False)
         self._loss = ClipPPOLoss(
             actor,
@@ -86,6 +89,7 @@ class PolicyUpdate:
         """
         for group in self.optimizer.param_groups:
             group["lr"] = learning_rate
+        samples = samples.exclude("observation").set("scaled", self.driver.policy.scaled(samples["observation"]))
         order = torch.randperm(len(samples), generator=generator)
         samples = samples.apply(lambda values: values.index_select(0, order))  # twice as fast as samples[order]
         value_loss, updates = 0.0, 0
@@ -110,11 +114,20 @@ class PolicyUpdate:
         }
 
 
+class _Mean(nn.Module):
+    def __init__(self, driver: Driver) -> None:
+        super().__init__()
+        self.driver = driver
+
+    def forward(self, scaled: Tensor) -> tuple[Tensor, Tensor]:
+        mean = self.driver.policy.of_scaled(scaled).unsqueeze(-1)
+        return mean, self.driver.sigma.expand_as(mean)
+
+
 class _Value(nn.Module):
-    def __init__(self, value: nn.Module) -> None:
+    def __init__(self, value: DrivingNetwork) -> None:
         super().__init__()
         self.value = value
 
-    def forward(self, observation: Tensor) -> Tensor:
-        value: Tensor = self.value(observation)
-        return value.unsqueeze(-1)
+    def forward(self, scaled: Tensor) -> Tensor:
+        return self.value.of_scaled(scaled).unsqueeze(-1)
