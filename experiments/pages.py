@@ -186,7 +186,8 @@ def training_sentence(training: dict[str, float]) -> str:
     parts = {name: training[name] for name in ("collection", "advantages", "one_pass")}
     shares = [f"{name.replace('_', ' ')} {100.0 * taken / sum(parts.values()):.0f} %" for name, taken in parts.items()]
     return (
-        f"PPO on one core: {training['million_steps_per_second']:.2f} million agent-steps/s with one pass of updates"
+        f"PPO on one core: {training['million_steps_per_second']:.2f} million agent-steps/s with one pass of updates,"
+        " best of five rounds"
         f" ({', '.join(shares)})."
     )
 
