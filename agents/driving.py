@@ -70,5 +70,9 @@ class Driver(nn.Module):
 
     def forward(self, observation: Tensor) -> tuple[Tensor, Tensor]:
         """Mean and deviation (..., 1) of the action before its tanh; observation (..., 12)."""
-        mean: Tensor = self.policy(observation).unsqueeze(-1)
+        return self.of_scaled(self.policy.scaled(observation))
+
+    def of_scaled(self, scaled: Tensor) -> tuple[Tensor, Tensor]:
+        """As `forward`, of an observation that is scaled already."""
+        mean = self.policy.of_scaled(scaled).unsqueeze(-1)
         return mean, self.sigma.expand_as(mean)

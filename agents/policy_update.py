@@ -51,7 +51,7 @@ class PolicyUpdate:
         self.parameters = [*driver.policy.parameters(), *driver.value.parameters()]
         self.optimizer = torch.optim.Adam(self.parameters, eps=ADAM_EPSILON)
         actor = ProbabilisticActor(
-            TensorDictModule(_Mean(driver), ["scaled"], ["loc", "scale"]),
+            TensorDictModule(driver.of_scaled, ["scaled"], ["loc", "scale"]),
             in_keys=["loc", "scale"],
             distribution_class=IndependentNormal,
             distribution_kwargs={"tanh_loc": False},
@@ -112,16 +112,6 @@ class PolicyUpdate:
             "value_loss": value_loss / updates,
             "updates": updates,
         }
-
-
-class _Mean(nn.Module):
-    def __init__(self, driver: Driver) -> None:
-        super().__init__()
-        self.driver = driver
-
-    def forward(self, scaled: Tensor) -> tuple[Tensor, Tensor]:
-        mean = self.driver.policy.of_scaled(scaled).unsqueeze(-1)
-        return mean, self.driver.sigma.expand_as(mean)
 
 
 class _Value(nn.Module):

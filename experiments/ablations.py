@@ -103,7 +103,10 @@ class Ablations:
             policy = PolicyFile.read(run / "gap.policy")
             frames = policy.about["development"]
             predictor = Predictor(dataclasses.replace(idm, gap_network=policy.gap_network), name)
-            found[name] = {"frames": {foes: row["accuracy"] for foes, row in frames.items()}, **self._joint(predictor)}
+            found[name] = {
+                "frames": {foes: row["accuracy"] for foes, row in frames.items()},
+                **self._joint(predictor, self._moments),
+            }
         return found
 
     def _drivers(self, runs: Mapping[str, Path]) -> dict[str, Any]:
@@ -123,7 +126,7 @@ class Ablations:
             found[name] = {
                 "alone": dataclasses.asdict(alone),
                 "checkpoints": checkpoints,
-                **self._joint(Predictor(policy, name)),
+                **self._joint(Predictor(policy, name), self._moments),
             }
         return found
 
@@ -138,9 +141,8 @@ class Ablations:
         moments = thinned(contested(self._moments), LEAD_MOMENTS)  # torch operations are slow
         return {one.name: self._joint(one, moments) for one in forecasters}
 
-    def _joint(self, forecaster: Forecaster, moments: Sequence[Start] | None = None) -> dict[str, Any]:
+    def _joint(self, forecaster: Forecaster, moments: Sequence[Start]) -> dict[str, Any]:
         """Errors after 10 s of vehicles recorded at the start and then, and how often crossing orders are right."""
-        moments = self._moments if moments is None else moments
         order = order_results([forecaster], moments)["recorded"]["models"][forecaster.name]
         at_10s = horizon_results({forecaster.name: errors(forecaster, moments)})["at_10s"][forecaster.name]
         return {"order": order["accuracy"], **at_10s}
