@@ -6,7 +6,7 @@ VENV := .venv
 RUN := $(VENV)/bin/python
 PIP := $(VENV)/bin/pip install --quiet --disable-pip-version-check -c constraints.txt
 CORE := $(shell find intersection_env/core -type f)
-CXX_SOURCES := $(filter %.hpp %.cpp,$(CORE)) $(wildcard examples/*/*.cpp tests/fuzz/*.hpp tests/fuzz/*.cpp tests/cpp/*.cpp)
+CXX_SOURCES := $(filter %.hpp %.cpp,$(CORE)) $(wildcard examples/*/*.cpp tests/hardening/*/*.hpp tests/hardening/*/*.cpp)
 RECORDINGS ?= data/recordings
 SEEDS ?= 0 1 2
 
@@ -41,7 +41,7 @@ recordings: setup
 
 # The scenes that ship in the wheel, from the recordings that ship.
 recorded: $(VENV)/.package
-	$(RUN) -m data.build data/recordings --map bendplatz --out intersection_env/recorded/bendplatz.npz
+	$(RUN) -m data.build data/recordings --map bendplatz --out intersection_env/scenes/bendplatz.npz
 
 # Every table and figure of the paper: trains, measures, writes experiments/results/report.html. Goes on where it was
 # interrupted.
@@ -50,7 +50,7 @@ reproduce: setup
 
 # What each part is worth, on the development recordings; trains first what is not trained yet.
 ablations: setup
-	$(RUN) -m experiments.ablations --recordings $(RECORDINGS) --seeds $(SEEDS)
+	$(RUN) -m experiments.reproduce.ablations --recordings $(RECORDINGS) --seeds $(SEEDS)
 
 # The training half of `make reproduce`, whose policies then ship.
 train: setup
@@ -64,7 +64,7 @@ gap: setup
 
 statistics: $(VENV)/.package
 	$(RUN) -m data.build $(RECORDINGS) --map bendplatz --out out/scenes.npz
-	$(RUN) -m data.statistics out/scenes.npz
+	$(RUN) -m data.describe.statistics out/scenes.npz
 
 # Makes the README's figures anew: the results files, the picture, then the marked blocks.
 pages: demo reproduce bench
@@ -74,8 +74,8 @@ pages: demo reproduce bench
 	$(RUN) -m intersection_env.plots t_junction --out docs/pictures/t_junction.png
 	$(RUN) -m data.build $(RECORDINGS) --map bendplatz --out out/scenes.npz
 	$(RUN) -m experiments.gap --scenes out/scenes.npz --out out --figure docs/pictures/gap_acceptance.png
-	$(RUN) -m experiments.environment_page
-	$(RUN) -m experiments.pages
+	$(RUN) -m experiments.documentation.environments
+	$(RUN) -m experiments.documentation.results
 
 format: setup
 	$(VENV)/bin/ruff check --fix .

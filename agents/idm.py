@@ -19,12 +19,12 @@ from numpy.typing import NDArray
 from scipy.optimize import differential_evolution
 from tqdm import tqdm
 
-from agents.run_folder import file_hash
-from intersection_env.policy import DT, IdmParameters, PolicyFile
-from intersection_env.predictor import Predictor
-from intersection_env.scenes import Scenes
+from agents.training.folder import file_hash
+from intersection_env.policies.file import DT, IdmParameters, PolicyFile
+from intersection_env.prediction.predictor import Predictor
+from intersection_env.scenes.scenes import Scenes
 from intersection_env.traffic import Traffic
-from intersection_env.worlds import gap_decider
+from intersection_env.worlds.life import gap_decider
 
 BOUNDS = {
     "standing_gap": (0.5, 5.0),

@@ -20,16 +20,16 @@ import tyro
 from tensordict import TensorDict
 from tqdm import tqdm
 
-from agents.driving import Driver, DrivingNetwork
-from agents.export import driving_policy, gap_hash
-from agents.interrupt import Interrupted, ctrl_c
-from agents.policy_update import PolicyUpdate, UpdateSettings
-from agents.run_folder import RunFolder
-from agents.scale_out import rollout_collector, train_seeds
-from agents.validation_run import SPEED, validation_run
-from agents.worlds import ClosedLoopEnv
-from intersection_env.policy import DT
-from intersection_env.worlds import gap_decider
+from agents.networks.driving import Driver, DrivingNetwork
+from agents.networks.export import driving_policy, gap_hash
+from agents.rollouts.envs import ClosedLoopEnv
+from agents.rollouts.policy_update import PolicyUpdate, UpdateSettings
+from agents.rollouts.validation_run import SPEED, validation_run
+from agents.training.folder import RunFolder
+from agents.training.interrupt import Interrupted, ctrl_c
+from agents.training.seeds import rollout_collector, train_seeds
+from intersection_env.policies.file import DT
+from intersection_env.worlds.life import gap_decider
 
 NOT_DECISIVE = ("run", "resume", "threads", "workers", "seeds", "tensorboard")
 PROJECTED_FROM = 5  # epochs

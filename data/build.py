@@ -13,15 +13,15 @@ from pathlib import Path
 
 from tqdm import tqdm
 
-from data.extrapolation import HORIZON
-from data.filters import CROSSING_MARGIN, OVERTAKING_MARGIN
-from data.ind import read_location, read_recording, recording_files, recording_ids
-from data.projection import MAX_EXCESS, RMS_EXCESS
-from data.scenes_builder import LEAST_DURATION, build_scenes, check_location
-from data.split import split_of
-from intersection_env.intersection import Intersection
-from intersection_env.predictor import DT
-from intersection_env.scenes import SPLITS, Scene, Scenes
+from data.formats.ind import read_location, read_recording, recording_files, recording_ids
+from data.pipeline.extrapolation import HORIZON
+from data.pipeline.filters import CROSSING_MARGIN, OVERTAKING_MARGIN
+from data.pipeline.projection import MAX_EXCESS, RMS_EXCESS
+from data.pipeline.scenes_of import LEAST_DURATION, build_scenes, check_location
+from data.pipeline.split import split_of
+from intersection_env.maps.intersection import Intersection
+from intersection_env.prediction.predictor import DT
+from intersection_env.scenes.scenes import SPLITS, Scene, Scenes
 
 SETTINGS = {
     "rms_excess_m": RMS_EXCESS,

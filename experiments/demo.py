@@ -15,16 +15,16 @@ import numpy as np
 import pandas as pd
 
 from data.build import build, recordings_on
-from data.split import split_of
-from experiments.evaluation import Start, evaluate, starts
-from intersection_env.animation import animate
+from data.pipeline.split import split_of
+from intersection_env.evaluation.errors import Start, evaluate, starts
 from intersection_env.files import written_whole
-from intersection_env.intersection import Intersection
-from intersection_env.maneuvers import COUNT_LIMIT, LIMIT, WORTHWHILE_GAIN, rank_maneuvers
-from intersection_env.picture_files import write_figure
-from intersection_env.prediction_plots import plot_positions, short_ids
-from intersection_env.predictor import Prediction, Predictor
-from intersection_env.scenes import Scenes
+from intersection_env.maps.intersection import Intersection
+from intersection_env.plots.animation import animate
+from intersection_env.plots.files import write_figure
+from intersection_env.plots.prediction_plot import plot_positions, short_ids
+from intersection_env.prediction.maneuvers import COUNT_LIMIT, LIMIT, WORTHWHILE_GAIN, rank_maneuvers
+from intersection_env.prediction.predictor import Prediction, Predictor
+from intersection_env.scenes.scenes import Scenes
 from intersection_env.traffic import Traffic
 
 MODELS = ("constant_velocity", "idm", "gap", "idm_calibrated", "ppo", "gail")

@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from intersection_env.scenes import Scenes
-from intersection_env.spaces import ACCELERATION
-from intersection_env.worlds import ReplayWorlds
+from intersection_env.envs.spaces import ACCELERATION
+from intersection_env.scenes.scenes import Scenes
+from intersection_env.worlds.life import ReplayWorlds
 
 WORLDS = 256
 

@@ -20,22 +20,22 @@ import tyro
 from tensordict import TensorDict
 from tqdm import tqdm
 
-from agents.driving import Driver, DrivingNetwork
-from agents.export import driving_policy, gap_hash
 from agents.idm import distance_error, moments
-from agents.interrupt import Interrupted, ctrl_c
-from agents.policy_update import PolicyUpdate, UpdateSettings
-from agents.run_folder import CHECKPOINT, RunFolder, file_hash, state_hash
-from agents.scale_out import rollout_collector, train_seeds
-from agents.worlds import ReplayEnv
+from agents.networks.driving import Driver, DrivingNetwork
+from agents.networks.export import driving_policy, gap_hash
+from agents.rollouts.envs import ReplayEnv
+from agents.rollouts.policy_update import PolicyUpdate, UpdateSettings
+from agents.training.folder import CHECKPOINT, RunFolder, file_hash, state_hash
+from agents.training.interrupt import Interrupted, ctrl_c
+from agents.training.seeds import rollout_collector, train_seeds
 from imitation.discriminator import Discriminator, DiscriminatorLoss, DiscriminatorSettings
 from imitation.expert import expert_steps
 from imitation.replay_error import HORIZON, replay_error
-from intersection_env.policy import DT
-from intersection_env.predictor import Predictor
-from intersection_env.recorded_tracks import steps_to_act
-from intersection_env.scenes import SPLITS, Scenes
-from intersection_env.worlds import ReplayWorlds, gap_decider
+from intersection_env.policies.file import DT
+from intersection_env.prediction.predictor import Predictor
+from intersection_env.scenes.scenes import SPLITS, Scenes
+from intersection_env.worlds.life import ReplayWorlds, gap_decider
+from intersection_env.worlds.recorded_tracks import steps_to_act
 
 BETWEEN_MOMENTS = 4.0  # [s], of those that are predicted
 NOT_DECISIVE = ("scenes", "ppo", "run", "resume", "threads", "workers", "seeds", "tensorboard")

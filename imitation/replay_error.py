@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from agents.driving import DrivingNetwork
+from agents.networks.driving import DrivingNetwork
 from imitation.expert import WORLDS, each_track
-from intersection_env.scenes import Scenes
-from intersection_env.worlds import ReplayWorlds
+from intersection_env.scenes.scenes import Scenes
+from intersection_env.worlds.life import ReplayWorlds
 
 HORIZON = 50  # steps, 10 s
 DISTANCE_TO_STOP_LINE, SPEED, DELTA = 0, 1, 11  # of the features

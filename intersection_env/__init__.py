@@ -6,15 +6,15 @@ Importing it registers `intersection_env/Replay-v0` with Gymnasium and `intersec
 import gymnasium
 import pettingzoo
 
-from intersection_env.closed_loop import ClosedLoop, env, parallel_env
-from intersection_env.intersection import Intersection
-from intersection_env.maneuvers import crossing_orders, rank_maneuvers
-from intersection_env.predictor import Observation, Prediction, Predictor, Summary
-from intersection_env.replay import Replay
-from intersection_env.replay_vector import ReplayVector
-from intersection_env.scenes import Scene, Scenes
+from intersection_env.envs.closed_loop import ClosedLoop, env, parallel_env
+from intersection_env.envs.replay import Replay
+from intersection_env.envs.replay_vector import ReplayVector
+from intersection_env.maps.intersection import Intersection
+from intersection_env.prediction.maneuvers import crossing_orders, rank_maneuvers
+from intersection_env.prediction.predictor import Observation, Prediction, Predictor, Summary
+from intersection_env.scenes.scenes import Scene, Scenes
 from intersection_env.traffic import Traffic, Vehicle
-from intersection_env.worlds import ClosedLoopWorlds, ReplayWorlds
+from intersection_env.worlds.life import ClosedLoopWorlds, ReplayWorlds
 
 __all__ = [
     "ClosedLoop",
@@ -39,8 +39,8 @@ __all__ = [
 
 gymnasium.register(
     "intersection_env/Replay-v0",
-    entry_point="intersection_env.replay:Replay",
-    vector_entry_point="intersection_env.replay_vector:ReplayVector",
+    entry_point="intersection_env.envs.replay:Replay",
+    vector_entry_point="intersection_env.envs.replay_vector:ReplayVector",
 )
-pettingzoo.register("parallel", "intersection_env/ClosedLoop-v0", "intersection_env.closed_loop:parallel_env")
-pettingzoo.register("aec", "intersection_env/ClosedLoop-v0", "intersection_env.closed_loop:env")
+pettingzoo.register("parallel", "intersection_env/ClosedLoop-v0", "intersection_env.envs.closed_loop:parallel_env")
+pettingzoo.register("aec", "intersection_env/ClosedLoop-v0", "intersection_env.envs.closed_loop:env")

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from intersection_env import _core
-from intersection_env.intersection import Intersection
+from intersection_env.maps.intersection import Intersection
 
 FLOAT_FIELDS = ("position", "speed", "length", "width", "max_speed")
 

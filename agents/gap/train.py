@@ -1,0 +1,234 @@
+"""Trains the gap network: supervised, through the minimum over each yielder's foes.
+
+python -m agents.gap default --scenes out/scenes.npz --run runs/gap
+python -m agents.gap paper --run runs/gap_paper
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import sys
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+import torch
+from torch import Tensor
+from torch.nn.functional import binary_cross_entropy_with_logits
+from tqdm import tqdm
+
+from agents.gap.samples import Foes, GapSamples, gap_samples
+from agents.networks.export import policy_file
+from agents.networks.gap import GapNetwork, least_logit
+from agents.training.folder import RunFolder, file_hash
+from agents.training.interrupt import Interrupted, ctrl_c
+from intersection_env.scenes.scenes import SPLITS, Scenes
+
+INPUT_NOISE = (0.5, 0.1, 2.0, 2.0)  # [m], [m/s], [m], [m/s]; paper, Section IV-B.1
+CYCLE = 100  # ours: the paper names CyclicLR, not its period; batches up, and as many down
+TEMPERATURES = np.geomspace(0.3, 3.0, 301)
+
+
+@dataclass(frozen=True)
+class GapSettings:
+    """What a training of the gap network depends on; the defaults did best on the development recordings."""
+
+    scenes: Path = Path("out/scenes.npz")
+    """The scenes file; `python -m data.build` makes it."""
+    run: Path = Path("runs/gap")
+    """The run folder."""
+    resume: bool = False
+    """Go on with the run in that folder."""
+    epochs: int = 200
+    batch: int = 2048
+    learning_rate: float = 1e-2
+    schedule: Literal["falling", "cyclic"] = "falling"
+    """Falling linearly to a fiftieth, or cyclic (paper) between a tenth of the rate and the rate."""
+    noise: float = 0.5
+    """Input noise, in units of the paper's."""
+    foes: Foes = "all"
+    """Which prioritized vehicles count in training."""
+    calibrate: bool = True
+    """Divide the logits by a temperature fitted on the development recordings; no decision changes."""
+    seed: int = 0
+    checkpoint_every: int = 10
+    """Epochs."""
+
+    def decisive(self) -> dict[str, Any]:
+        """The settings that decide the result, as JSON holds them."""
+        kept = dataclasses.asdict(self)
+        return {key: value for key, value in kept.items() if key not in ("scenes", "run", "resume")}
+
+
+PROFILES = {
+    "default": ("what does best on the development recordings", GapSettings()),
+    "paper": (
+        "the paper's Table III",
+        GapSettings(epochs=1000, batch=8192, learning_rate=1e-3, schedule="cyclic", noise=1.0, calibrate=False),
+    ),
+}
+
+
+@dataclass(frozen=True)
+class Data:
+    """Samples as tensors: features (sample, foe, 4), there (sample, foe) bool, label (sample,) 0 or 1."""
+
+    features: Tensor
+    there: Tensor
+    label: Tensor
+
+    @classmethod
+    def of(cls, samples: GapSamples) -> Data:
+        features, there = samples.padded()
+        label = torch.from_numpy(samples.labels().astype(np.float32))
+        return cls(torch.from_numpy(features), torch.from_numpy(there), label)
+
+
+def train_network(
+    train: GapSamples,
+    development: GapSamples,
+    settings: GapSettings,
+    folder: RunFolder | None = None,
+    progress: bool = True,
+) -> GapNetwork:
+    """The trained and calibrated network.
+
+    Args:
+        train, development: samples with known labels (`GapSamples.select`).
+        settings: how to train.
+        folder: where metrics and checkpoints go; its checkpoint, if there is one, is where training goes on.
+        progress: whether to show a bar.
+
+    Raises:
+        Interrupted: Ctrl-C was pressed; the checkpoint stands at the last whole epoch.
+    """
+    torch.manual_seed(settings.seed)  # the network's first weights
+    network, generator = GapNetwork(), torch.Generator().manual_seed(settings.seed)
+    data, held_out = Data.of(train), Data.of(development)
+    batches = -(-len(data.label) // settings.batch)
+    optimizer = torch.optim.Adam(network.parameters(), lr=settings.learning_rate)
+    schedule = _schedule(settings, optimizer, settings.epochs * batches)
+    state = folder.load() if folder else None
+    if state is not None:
+        network.load_state_dict(state["network"])
+        optimizer.load_state_dict(state["optimizer"])
+        schedule.load_state_dict(state["schedule"])
+        generator.set_state(state["generator"])
+    first = 0 if state is None else int(state["epoch"])
+    with ctrl_c() as interrupted:
+        bar = tqdm(
+            range(first + 1, settings.epochs + 1), "gap network", disable=None if progress else True, unit="epoch"
+        )
+        for epoch in bar:
+            loss = _epoch(network, data, optimizer, schedule, generator, settings)
+            row = {"epoch": epoch, "loss": loss}
+            is_due = epoch == settings.epochs or epoch % settings.checkpoint_every == 0
+            if is_due:
+                row |= scores(network, held_out)
+                bar.set_postfix({"loss": f"{loss:.4f}", "development": f"{row['accuracy']:.4f}"})
+            stop = interrupted()
+            if folder:
+                folder.append(row)
+                if is_due or stop:
+                    folder.save(
+                        {
+                            "epoch": epoch,
+                            "network": network.state_dict(),
+                            "optimizer": optimizer.state_dict(),
+                            "schedule": schedule.state_dict(),
+                            "generator": generator.get_state(),
+                        }
+                    )
+            if stop and epoch < settings.epochs:
+                raise Interrupted
+    if settings.calibrate:
+        _divide_logits(network, best_temperature(network, held_out))
+    return network
+
+
+def scores(network: GapNetwork, data: Data) -> dict[str, float]:
+    """Accuracy and log loss of the decisions (sample,)."""
+    with torch.no_grad():
+        logit = least_logit(network, data.features, data.there)
+        right = (logit > 0) == (data.label > 0)
+        return {
+            "accuracy": float(right.double().mean()),
+            "log_loss": float(binary_cross_entropy_with_logits(logit, data.label)),
+        }
+
+
+def best_temperature(network: GapNetwork, data: Data) -> float:
+    """The temperature at which the log loss is least, on a grid from 0.3 to 3."""
+    with torch.no_grad():
+        logit = least_logit(network, data.features, data.there).double()
+        label = data.label.double()
+        losses = [float(binary_cross_entropy_with_logits(logit / t, label)) for t in TEMPERATURES]
+    return float(TEMPERATURES[int(np.argmin(losses))])
+
+
+def _epoch(
+    network: GapNetwork,
+    data: Data,
+    optimizer: torch.optim.Optimizer,
+    schedule: torch.optim.lr_scheduler.LRScheduler,
+    generator: torch.Generator,
+    settings: GapSettings,
+) -> float:
+    noise = settings.noise * torch.tensor(INPUT_NOISE)
+    total = 0.0
+    for rows in torch.split(torch.randperm(len(data.label), generator=generator), settings.batch):
+        clean = data.features[rows]
+        noisy = clean + noise * torch.randn(clean.shape, generator=generator)
+        loss = binary_cross_entropy_with_logits(least_logit(network, noisy, data.there[rows]), data.label[rows])
+        optimizer.zero_grad()
+        loss.backward()  # type: ignore[no-untyped-call]
+        optimizer.step()
+        schedule.step()
+        total += float(loss.detach()) * len(rows)
+    return total / len(data.label)
+
+
+def _schedule(
+    settings: GapSettings, optimizer: torch.optim.Optimizer, steps: int
+) -> torch.optim.lr_scheduler.LRScheduler:
+    if settings.schedule == "cyclic":
+        rate = settings.learning_rate
+        return torch.optim.lr_scheduler.CyclicLR(optimizer, rate / 10.0, rate, CYCLE, cycle_momentum=False)
+    return torch.optim.lr_scheduler.LinearLR(optimizer, 1.0, 0.02, steps)
+
+
+def _divide_logits(network: GapNetwork, temperature: float) -> None:
+    with torch.no_grad():
+        for parameter in network.layers[-1].parameters():
+            parameter.div_(temperature)
+
+
+def main(settings: GapSettings) -> int:
+    """Trains as told and writes the policy file `gap.policy` into the run folder; returns the exit status."""
+    torch.set_num_threads(1)  # such small networks gain nothing from more
+    begin = time.perf_counter()
+    try:
+        scenes = Scenes.load(settings.scenes)
+        folder = RunFolder.begin(settings.run, settings.decisive(), file_hash(settings.scenes), settings.resume)
+        samples, left_out = gap_samples(scenes)
+        train, development = (samples.of_split(scenes, split).select(settings.foes) for split in SPLITS[:2])
+        print(f"{len(train)} samples to learn from, {len(development)} for development; left out: {left_out}")
+        network = train_network(train, development, settings, folder)
+    except Interrupted:
+        print(f"interrupted; --resume goes on from {settings.run}", file=sys.stderr)
+        return 130
+    except (OSError, ValueError) as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 1
+    about: dict[str, Any] = {"made_by": "python -m agents.gap", "settings": settings.decisive()}
+    about["data"] = {"map": scenes.intersection.name, "sha256": file_hash(settings.scenes)}
+    about["development"] = {}
+    for foes in ("recorded", "all"):
+        held_out = Data.of(samples.of_split(scenes, "development").select(foes))
+        about["development"][foes] = {key: round(value, 4) for key, value in scores(network, held_out).items()}
+        print(f"development, {foes} foes: {about['development'][foes]}")
+    policy_file(network, about).save(settings.run / "gap.policy")
+    print(f"written: {settings.run / 'gap.policy'}, in {time.perf_counter() - begin:.0f} s")
+    return 0

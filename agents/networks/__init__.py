@@ -1,0 +1,1 @@
+"""The paper's two networks in torch, and their export to policy files and ONNX."""

@@ -1,0 +1,113 @@
+"""Networks to policy files and back, and to ONNX.
+
+python -m agents.networks.export runs/gap/gap.policy --onnx runs/gap/gap.onnx
+"""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import hashlib
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, TypeVar
+
+import torch
+
+from agents.networks.driving import DrivingNetwork
+from agents.networks.gap import GapNetwork
+from intersection_env.files import written_whole
+from intersection_env.policies.file import NetworkWeights, PolicyFile
+
+Network = TypeVar("Network", GapNetwork, DrivingNetwork)
+
+
+def policy_file(network: GapNetwork, about: Mapping[str, Any]) -> PolicyFile:
+    """The policy of this gap network with the IDM as driver."""
+    return PolicyFile("network", "idm", gap_network=_weights(network), about=about)
+
+
+def driving_policy(gap: PolicyFile, driver: DrivingNetwork, about: Mapping[str, Any]) -> PolicyFile:
+    """The policy that decides gaps as `gap` does and drives by this network."""
+    return dataclasses.replace(gap, driver="network", driving_network=_weights(driver), about=about)
+
+
+def gap_hash(gap: PolicyFile) -> str:
+    """SHA-256 of what decides about gaps, whatever the file says about itself."""
+    return hashlib.sha256(dataclasses.replace(gap, about={}).text().encode()).hexdigest()
+
+
+def _weights(network: GapNetwork | DrivingNetwork) -> NetworkWeights:
+    layers = [(layer.weight.detach().numpy().copy(), layer.bias.detach().numpy().copy()) for layer in network.layers]
+    return NetworkWeights(network.shift.numpy().copy(), network.scale.numpy().copy(), layers)
+
+
+def gap_network(policy: PolicyFile) -> GapNetwork:
+    """The gap network of a policy file, as a torch module.
+
+    Raises:
+        ValueError: the policy decides gaps by a rule.
+    """
+    if policy.gap_network is None:
+        raise ValueError(f'the policy decides gaps by "{policy.gap}" and holds no gap network')
+    weights = policy.gap_network
+    return _filled(GapNetwork(weights.shift.tolist(), weights.scale.tolist()), weights)
+
+
+def driving_network(policy: PolicyFile) -> DrivingNetwork:
+    """The driving network of a policy file, as a torch module.
+
+    Raises:
+        ValueError: the policy drives by a rule.
+    """
+    if policy.driving_network is None:
+        raise ValueError(f'the policy drives by "{policy.driver}" and holds no driving network')
+    weights = policy.driving_network
+    return _filled(DrivingNetwork(weights.shift.tolist(), weights.scale.tolist()), weights)
+
+
+def _filled(network: Network, weights: NetworkWeights) -> Network:
+    with torch.no_grad():
+        for layer, (weight, bias) in zip(network.layers, weights.layers, strict=True):
+            layer.weight.copy_(torch.from_numpy(weight))
+            layer.bias.copy_(torch.from_numpy(bias))
+    return network
+
+
+def save_onnx(network: GapNetwork, path: Path) -> None:
+    """Writes the network as ONNX: "features" (row, 4) float32 to "logit" (row,)."""
+    rows = torch.export.Dim("row")
+    program = torch.onnx.export(
+        network.eval(),
+        (torch.zeros(2, len(network.shift)),),
+        input_names=["features"],
+        output_names=["logit"],
+        dynamic_shapes=({0: rows},),
+        dynamo=True,
+        verbose=False,
+    )
+    assert program is not None
+    with written_whole(path) as temporary:
+        program.save(str(temporary))
+
+
+def main() -> int:
+    """Exports a policy file's gap network to ONNX; returns the exit status."""
+    parser = argparse.ArgumentParser(
+        prog="python -m agents.networks.export", description="A policy's gap network to ONNX."
+    )
+    parser.add_argument("policy", type=Path, help="a policy file (.policy)")
+    parser.add_argument("--onnx", type=Path, required=True, help="the file to write")
+    options = parser.parse_args()
+    try:
+        save_onnx(gap_network(PolicyFile.read(options.policy)), options.onnx)
+    except (OSError, ValueError) as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 1
+    print(f"written: {options.onnx}")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,1 @@
+"""Worlds for TorchRL: environments, collectors with the policy inside the core, updates, validation runs."""

@@ -1,0 +1,1 @@
+"""What every training needs: a run folder, Ctrl-C, several seeds, Ray."""

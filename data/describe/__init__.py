@@ -1,0 +1,1 @@
+"""What recordings are like: gaps, speeds, standing times."""

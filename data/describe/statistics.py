@@ -1,0 +1,160 @@
+"""What the scenes hold, as figures that a person can compare with real traffic.
+
+python -m data.describe.statistics out/scenes.npz
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from data.describe.gaps import LONGEST_GAP, critical_gap, offered_gaps, open_pairs
+from data.pipeline.filters import together, touchings
+from data.pipeline.shared_lanes import overlap_length, pair_gap
+from intersection_env.maps.intersection import Intersection
+from intersection_env.prediction.predictor import DT
+from intersection_env.scenes.scenes import Scenes
+
+STANDING = 0.5  # [m/s], ours: slower is standing
+LEAST_PAIRS = 400.0  # [1/h], ours: fewer are too few decisions to learn from in the hours that ship
+CRITICAL_GAP = (4.0, 7.0)  # [s], ours: about the Highway Capacity Manual's 4.1 to 7.1 s
+
+
+@dataclass(frozen=True)
+class Statistics:
+    """The figures; see `describe` for their units."""
+
+    hours: float
+    vehicles: dict[str, int]
+    pairs_per_hour: float
+    yielder_first: float
+    gaps_per_hour: float
+    gaps_accepted: float
+    critical_gap: tuple[float, float] | None
+    """Half of all accept it, and the width from 10 to 90 % acceptance."""
+    standing: tuple[float, float] | None
+    """Mean and 90 % quantile; None without a vehicle from a side road."""
+    mean_speed: float
+    acceleration_p1: float
+    acceleration_p99: float
+    smallest_gap: float
+    overlapping: int
+
+    @property
+    def meets_bars(self) -> bool:
+        """Whether gap acceptance can be learned: enough pairs, a usual critical gap, nobody overlaps."""
+        enough = self.pairs_per_hour >= LEAST_PAIRS
+        usual = self.critical_gap is not None and CRITICAL_GAP[0] <= self.critical_gap[0] <= CRITICAL_GAP[1]
+        return enough and usual and self.overlapping == 0
+
+
+def statistics(scenes: Scenes) -> Statistics:
+    """The figures of all given scenes together."""
+    hours = sum(scene.steps for scene in scenes) * DT / 3600.0
+    vehicles = {track.id: track.road_user for scene in scenes for track in scene.tracks}
+    pairs = [pair for scene in scenes for pair in open_pairs(scene, scenes.intersection)]
+    gaps = [gap for scene in scenes for gap in offered_gaps(scene, scenes.intersection)]
+    seconds = np.array([gap.seconds for gap in gaps])
+    accepted = np.array([gap.accepted for gap in gaps], dtype=np.float64)
+    standing = np.array(list(_standing_times(scenes).values()))
+    tracks = [track for scene in scenes for track in scene.tracks if track.observed.any()]
+    speed = np.concatenate([track.speed[track.observed] for track in tracks])
+    acceleration = np.concatenate([track.acceleration[track.observed] for track in tracks])
+    smallest, overlapping = _closeness(scenes)
+    return Statistics(
+        hours=hours,
+        vehicles=dict(sorted(Counter(vehicles.values()).items())),
+        pairs_per_hour=len(pairs) / hours,
+        yielder_first=sum(pair.yielder_first for pair in pairs) / max(len(pairs), 1),
+        gaps_per_hour=len(gaps) / hours,
+        gaps_accepted=float(accepted.sum()) / max(len(gaps), 1),
+        critical_gap=critical_gap(seconds, accepted),
+        standing=(float(standing.mean()), float(np.quantile(standing, 0.9))) if len(standing) else None,
+        mean_speed=float(speed.mean(dtype=np.float64)),
+        acceleration_p1=float(np.quantile(acceleration, 0.01)),
+        acceleration_p99=float(np.quantile(acceleration, 0.99)),
+        smallest_gap=smallest,
+        overlapping=overlapping,
+    )
+
+
+def describe(figures: Statistics) -> str:
+    """The figures as text, one a line, with the bars they must reach."""
+    vehicles = ", ".join(f"{count} {road_user}" for road_user, count in figures.vehicles.items())
+    pairs = f"{figures.pairs_per_hour:.0f} an hour (bar: {LEAST_PAIRS:.0f} or more)"
+    critical, width = (f"{value:.1f} s" for value in figures.critical_gap) if figures.critical_gap else ("none",) * 2
+    standing = "mean {:.1f} s, p90 {:.1f} s".format(*figures.standing) if figures.standing else "none"
+    rows = {
+        "traffic in scenes": f"{figures.hours:.2f} h",
+        "vehicles": vehicles,
+        "unled yield/priority pairs": pairs,
+        "yielder goes first": f"{100.0 * figures.yielder_first:.0f} %",
+        f"gaps of {LONGEST_GAP:g} s or less": f"{figures.gaps_per_hour:.0f} an hour offered to unled yielders",
+        "gaps accepted": f"{100.0 * figures.gaps_accepted:.0f} %",
+        "critical gap": f"{critical} (bar: {CRITICAL_GAP[0]:g} to {CRITICAL_GAP[1]:g} s)",
+        "its 10-90 % width": width,
+        "side-road standing time": standing,
+        "mean speed in view": f"{figures.mean_speed:.1f} m/s",
+        "acceleration 1 %, 99 %": f"{figures.acceleration_p1:+.1f}, {figures.acceleration_p99:+.1f} m/s²",
+        "smallest bumper gap": f"{figures.smallest_gap:.2f} m",
+        "overlapping vehicles": f"{figures.overlapping} (bar: 0)",
+        "all bars reached": "yes" if figures.meets_bars else "NO",
+    }
+    return "\n".join(f"{name:<28} {text}" for name, text in rows.items())
+
+
+def _standing_times(scenes: Scenes) -> dict[str, float]:
+    """Seconds that each vehicle stood before its line, for vehicles that come from arms without priority."""
+    routes = scenes.intersection.routes
+    yielding = {conflict.yielder for conflict in scenes.intersection.conflicts}
+    arms = {route.id.partition("-")[0] for route in routes}
+    major = {arm for arm in arms if any(r.id.startswith(f"{arm}-") and r.index not in yielding for r in routes)}
+    times: dict[str, float] = {}
+    for scene in scenes:
+        for track in scene.tracks:
+            route = routes[track.route]
+            if route.id.partition("-")[0] not in major and track.observed.any():
+                before = track.observed & (track.position < route.first_conflict)
+                times[track.id] = times.get(track.id, 0.0) + DT * int((track.speed[before] < STANDING).sum())
+    return times
+
+
+def _closeness(scenes: Scenes) -> tuple[float, int]:
+    """The smallest bumper gap in a shared lane [m], and how many overlaps and touches there are."""
+    smallest, overlapping = float("inf"), 0
+    for scene in scenes:
+        overlapping += len(touchings(scene.tracks, scenes.intersection))
+        for first, second in together(scene.tracks):
+            gap = pair_gap(first, second, scenes.intersection)
+            if gap is not None:
+                least = float(np.abs(gap.ahead).min()) - overlap_length(first, second)
+                smallest = min(smallest, least)
+                overlapping += least < 0.0
+    return smallest, overlapping
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Prints the figures of a scenes file and returns the exit status."""
+    parser = argparse.ArgumentParser(prog="python -m data.describe.statistics", description="Figures of a scenes file.")
+    parser.add_argument("scenes", help="a scenes file, or the name of one that ships")
+    parser.add_argument("--map", help="the map of scenes that were built on a map of one's own")
+    options = parser.parse_args(arguments)
+    try:
+        intersection = Intersection.load(options.map) if options.map else None
+        scenes = Scenes.load(options.scenes, intersection)
+        if not len(scenes):
+            raise ValueError(f"{options.scenes}: holds no scene")
+    except (OSError, ValueError) as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 1
+    print(describe(statistics(scenes)))
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,218 @@
+"""Reads recordings in inD's format, and refuses what is not one.
+
+A recording NN is three files, `NN_tracks.csv`, `NN_tracksMeta.csv` and `NN_recordingMeta.csv`, each
+plain or compressed as `.csv.xz`. Source: inD, as described in its own format page.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from data.formats.csv_table import read_table
+from data.formats.ind_checks import Files, check_meta, check_order, check_recording_id, check_speed, matched
+
+SPEED_TOLERANCE = 0.1  # ours: share by which the way covered may differ from the velocities, summed over a recording
+MOVING = 1.0  # [m/s], ours: slower rows are noise when ways and velocities are compared
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+TRACKS = {
+    **dict.fromkeys(("recordingId", "trackId", "frame"), np.int64),
+    **dict.fromkeys(("xCenter", "yCenter", "heading", "width", "length"), np.float64),
+    **dict.fromkeys(("xVelocity", "yVelocity", "xAcceleration", "yAcceleration"), np.float64),
+}
+TRACKS_META = {
+    **dict.fromkeys(("recordingId", "trackId", "initialFrame", "finalFrame", "numFrames"), np.int64),
+    **dict.fromkeys(("width", "length"), np.float64),
+    "class": str,
+}
+RECORDING_META = {
+    **dict.fromkeys(("recordingId", "locationId"), np.int64),
+    **dict.fromkeys(("frameRate", "duration"), np.float64),
+}
+
+
+@dataclass(frozen=True)
+class Recording:
+    """One recording, track after track; the rows of track k are offsets[k] to offsets[k + 1].
+
+    track_id: (track,); road_user: one word per track, as "car"; length, width: (track,) [m], 0 where
+    inD gives none; offsets: (track + 1,).
+    frame: (row,), consecutive within a track; x, y: (row,) centre [m]; velocity: (row, 2) [m/s];
+    acceleration: (row, 2) [m/s²].
+    """
+
+    id: str
+    location: int
+    frame_rate: float
+    """[1/s]"""
+    track_id: Integers
+    road_user: tuple[str, ...]
+    length: Floats
+    width: Floats
+    offsets: Integers
+    frame: Integers
+    x: Floats
+    y: Floats
+    velocity: Floats
+    acceleration: Floats
+
+    def resampled(self, dt: float) -> Recording:
+        """The recording with one frame every `dt` seconds: those frames exactly, renumbered from 0.
+
+        A track may be left without a row.
+
+        Raises:
+            ValueError: `dt` is no whole number of frames.
+        """
+        every = round(self.frame_rate * dt)
+        if every < 1 or abs(self.frame_rate * dt - every) > 1e-6:
+            raise ValueError(
+                f"recording {self.id}: frameRate {self.frame_rate:g} has no whole number of frames in {dt} s"
+            )
+        kept = self.frame % every == 0
+        count = np.concatenate([[0], np.cumsum(kept)])
+        return replace(
+            self,
+            frame_rate=self.frame_rate / every,
+            offsets=count[self.offsets],
+            frame=self.frame[kept] // every,
+            x=self.x[kept],
+            y=self.y[kept],
+            velocity=self.velocity[kept],
+            acceleration=self.acceleration[kept],
+        )
+
+
+def recording_ids(folder: Path) -> list[str]:
+    """The ids of the recordings in a folder, in order: ["00", "01", ...].
+
+    Raises:
+        FileNotFoundError: there is no such folder, or no recording in it.
+        ValueError: two recordings have equal numbers, as 7 and 07.
+    """
+    if not folder.is_dir():
+        raise FileNotFoundError(f"{folder}: no such folder; wanted a folder with inD recordings (NN_tracks.csv)")
+    found = (re.fullmatch(r"(\d+)_tracks\.csv(\.xz)?", path.name) for path in folder.iterdir())
+    ids = sorted({match[1] for match in found if match}, key=lambda number: (int(number), number))
+    if not ids:
+        raise FileNotFoundError(f"{folder}: no recording here; wanted files named NN_tracks.csv or NN_tracks.csv.xz")
+    for one, other in pairwise(ids):
+        if int(one) == int(other):
+            raise ValueError(
+                f"{folder}: {one}_tracks.csv and {other}_tracks.csv have equal numbers; keep one of the two"
+            )
+    return ids
+
+
+def recording_files(folder: Path, recording: str) -> Files:
+    """The three files of a recording.
+
+    Raises:
+        FileNotFoundError: one of them is missing.
+        ValueError: one is there twice, plain and compressed.
+    """
+    return Files(*(_one_of(folder, f"{recording}_{kind}.csv") for kind in ("tracks", "tracksMeta", "recordingMeta")))
+
+
+def read_location(folder: Path, recording: str) -> int:
+    """The inD location id of a recording; reads its smallest file only.
+
+    Raises:
+        FileNotFoundError, ValueError: as `read_recording`.
+    """
+    return _recording_meta(recording_files(folder, recording).recording_meta, recording)[0]
+
+
+def read_recording(folder: Path, recording: str) -> Recording:
+    """The recording of that id ("07") in a folder, checked.
+
+    Raises:
+        FileNotFoundError: one of its files is missing.
+        ValueError: a file is malformed or contradicts another; the message names file, row and column.
+    """
+    files = recording_files(folder, recording)
+    location, frame_rate, duration = _recording_meta(files.recording_meta, recording)
+    meta = read_table(files.tracks_meta, TRACKS_META)
+    rows = read_table(files.tracks, TRACKS)
+    for path, table in ((files.tracks_meta, meta), (files.tracks, rows)):
+        check_recording_id(path, table, recording)
+    check_meta(files.tracks_meta, meta)
+    track = rows["trackId"].to_numpy()
+    offsets = np.flatnonzero(np.concatenate([[True], track[1:] != track[:-1], [True]]))
+    check_order(files.tracks, track, rows["frame"].to_numpy(), offsets)
+    velocity = rows[["xVelocity", "yVelocity"]].to_numpy()
+    check_speed(files.tracks, track, velocity)
+    meta = matched(files, meta, rows, offsets)
+    _check_duration(files, duration, frame_rate, int(rows["frame"].max()))
+    result = Recording(
+        id=recording,
+        location=location,
+        frame_rate=frame_rate,
+        track_id=meta["trackId"].to_numpy(),
+        road_user=tuple(meta["class"]),
+        length=meta["length"].to_numpy(),
+        width=meta["width"].to_numpy(),
+        offsets=offsets,
+        frame=rows["frame"].to_numpy(),
+        x=rows["xCenter"].to_numpy(),
+        y=rows["yCenter"].to_numpy(),
+        velocity=velocity,
+        acceleration=rows[["xAcceleration", "yAcceleration"]].to_numpy(),
+    )
+    _check_frame_rate(files.recording_meta, result)
+    return result
+
+
+def _one_of(folder: Path, name: str) -> Path:
+    found = [path for path in (folder / name, folder / f"{name}.xz") if path.is_file()]
+    if not found:
+        raise FileNotFoundError(f"{folder / name}: missing, and {name}.xz too; a recording needs one of the two")
+    if len(found) > 1:
+        raise ValueError(f"{found[0]}: {name}.xz is there as well; keep one of the two")
+    return found[0]
+
+
+def _recording_meta(path: Path, recording: str) -> tuple[int, float, float]:
+    table = read_table(path, RECORDING_META)
+    if len(table) != 1:
+        raise ValueError(f"{path}: {len(table)} rows of data, one wanted")
+    check_recording_id(path, table, recording)
+    location, rate, duration = (table[name].iloc[0] for name in ("locationId", "frameRate", "duration"))
+    if not 1.0 <= rate <= 1000.0 or abs(rate * 0.2 - round(rate * 0.2)) > 1e-6:
+        raise ValueError(f"{path}: frameRate is {rate:g}; wanted a multiple of 5 frames a second (inD: 25)")
+    if not duration > 0.0:
+        raise ValueError(f"{path}: duration is {duration:g} s; wanted a positive number")
+    return int(location), float(rate), float(duration)
+
+
+def _check_duration(files: Files, duration: float, frame_rate: float, last: int) -> None:
+    if last > (duration + 1.0) * frame_rate:
+        raise ValueError(
+            f"{files.recording_meta}: duration {duration:g} s at frameRate {frame_rate:g} ends before frame {last},"
+            f" which {files.tracks.name} holds"
+        )
+
+
+def _check_frame_rate(path: Path, recording: Recording) -> None:
+    """Refuses a frame rate at which the way covered is not what the velocities say."""
+    same = np.ones(len(recording.frame), dtype=bool)
+    same[recording.offsets[1:] - 1] = False
+    speed = np.hypot(*recording.velocity.T)
+    moving = np.flatnonzero(same[:-1] & (speed[:-1] > MOVING))
+    if len(moving) == 0:
+        return
+    way = np.hypot(recording.x[moving + 1] - recording.x[moving], recording.y[moving + 1] - recording.y[moving])
+    ratio = float(way.sum() * recording.frame_rate / speed[moving].sum())
+    if abs(ratio - 1.0) > SPEED_TOLERANCE:
+        raise ValueError(
+            f"{path}: at frameRate {recording.frame_rate:g} the tracks cover {ratio:.2f} times the way that their"
+            " velocities say; wanted the rate at which they were recorded, and velocities in m/s"
+        )

@@ -1,0 +1,113 @@
+"""One recording to scenes: its longest stretches without crossing pedestrians or overtaking."""
+
+from __future__ import annotations
+
+from collections import Counter, defaultdict
+from collections.abc import Iterable
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from data.formats.ind import Recording
+from data.pipeline.extrapolation import extrapolate
+from data.pipeline.filters import Interval, crossings, overtakings, touchings
+from data.pipeline.projection import project
+from intersection_env.maps.intersection import Intersection
+from intersection_env.prediction.predictor import DT
+from intersection_env.scenes.scenes import Scene, Track
+
+LEAST_DURATION = 12.0  # [s], ours: a prediction of 10 s from more than one moment
+
+
+def build_scenes(recording: Recording, split: str, intersection: Intersection) -> tuple[list[Scene], dict[str, float]]:
+    """The scenes of a recording, and what was dropped, as "tracks: parked" or "seconds: overtaking".
+
+    A track that spans two scenes appears in both, under one id.
+
+    Raises:
+        ValueError: the recording is of a location that the map is not made for, or its frame rate has
+            no whole number of frames in 0.2 s.
+    """
+    check_location(recording.id, recording.location, intersection)
+    recording = recording.resampled(DT)
+    projection = project(recording, intersection)
+    reasons: defaultdict[str, float] = defaultdict(float)
+    reasons.update({f"tracks: {reason}": count for reason, count in projection.dropped.items()})
+    steps = int(recording.frame.max(initial=-1)) + 1
+    extrapolation: Counter[str] = Counter()
+    tracks = extrapolate(projection.tracks, intersection, extrapolation)
+    reasons.update({f"extrapolation: {reason}": count for reason, count in extrapolation.items()})
+    cuts = [*crossings(recording, projection, intersection), *overtakings(tracks, intersection)]
+    cut = _cut_out([*cuts, *touchings(tracks, intersection)], steps, reasons)
+    scenes: list[Scene] = []
+    for begin, end in _free_stretches(cut):
+        inside = _sliced(tracks, begin, end)
+        too_short = (end - begin - 1) * DT < LEAST_DURATION - 1e-6
+        if too_short or not inside:
+            reason = "shorter than 12 s" if too_short else "no vehicle"
+            reasons[f"stretches: {reason}"] += 1
+            reasons[f"seconds: {reason}"] += (end - begin) * DT
+            continue
+        start = begin * DT
+        id = f"{recording.id}/{len(scenes)}"
+        scenes.append(Scene(id, recording.id, split, start, end - begin, tuple(inside)))
+    seen = {track.id for scene in scenes for track in scene.tracks}
+    reasons["tracks: in no scene"] += sum(track.id not in seen for track in tracks)
+    return scenes, reasons
+
+
+def check_location(recording: str, location: int, intersection: Intersection) -> None:
+    """Refuses a recording of another place than the map's.
+
+    Raises:
+        ValueError: the location is not one of the map's.
+    """
+    if location not in intersection.locations:
+        known = ", ".join(map(str, intersection.locations)) or "none"
+        raise ValueError(
+            f'recording {recording} is of location {location}, but map "{intersection.name}" is made for location'
+            f" {known}; give a map of that place (--map PATH, a source .json or compiled .map whose"
+            f' "locations" lists {location})'
+        )
+
+
+def _cut_out(cuts: Iterable[Interval], steps: int, reasons: defaultdict[str, float]) -> NDArray[np.bool_]:
+    """Which steps are cut out; counts, for each reason, its stretches and their seconds.
+
+    A step that several reasons cut out counts under the first of them.
+    """
+    cut = np.zeros(steps, dtype=np.bool_)
+    by_reason: dict[str, NDArray[np.bool_]] = {}
+    for reason, begin, end in cuts:
+        by_reason.setdefault(reason, np.zeros(steps, dtype=np.bool_))[max(begin, 0) : end] = True
+    for reason, own in by_reason.items():
+        stretches = np.split(own & ~cut, np.flatnonzero(np.diff(own.astype(np.int8)) == 1) + 1)
+        reasons[f"stretches: {reason}"] += sum(bool(stretch.any()) for stretch in stretches)
+        reasons[f"seconds: {reason}"] += float((own & ~cut).sum() * DT)
+        cut |= own
+    return cut
+
+
+def _free_stretches(cut: NDArray[np.bool_]) -> list[tuple[int, int]]:
+    edges = np.flatnonzero(np.diff(np.concatenate([[True], cut, [True]]).astype(np.int8)))
+    return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))
+
+
+def _sliced(tracks: Iterable[Track], begin: int, end: int) -> list[Track]:
+    """The tracks between two steps of the recording, their starts counted from the first."""
+    inside: list[Track] = []
+    for track in tracks:
+        if track.start < end and track.stop > begin:
+            part = slice(max(begin - track.start, 0), end - track.start)
+            inside.append(
+                replace(
+                    track,
+                    start=max(track.start - begin, 0),
+                    position=track.position[part],
+                    speed=track.speed[part],
+                    acceleration=track.acceleration[part],
+                    observed=track.observed[part],
+                )
+            )
+    return inside

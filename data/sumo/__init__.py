@@ -1,0 +1,1 @@
+"""The simulated recordings that ship, and how they are made."""

@@ -1,0 +1,89 @@
+"""Stand-in recordings: SUMO traffic on the Bendplatz map, written as inD writes its recordings.
+
+`python -m data.sumo` regenerates every shipped recording, to the same uncompressed bytes. The traffic
+is simulated; nothing in it stems from a camera. Positions follow from SUMO's positions along its lanes
+and our own centrelines, so a vehicle's centre lies on its route, except while it passes a bicycle.
+"""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+import numpy as np
+from tqdm import tqdm
+
+from data.sumo import demand as sumo_demand
+from data.sumo import drive as sumo_drive
+from data.sumo import network as sumo_network
+from data.sumo import recording_files as sumo_files
+from data.sumo import tracks as sumo_tracks
+from data.sumo.network import Network
+from data.sumo.tracks import FRAME_RATE, Track
+from intersection_env.maps.source import MapSource
+
+RECORDINGS = Path(__file__).parents[1] / "recordings"
+MAP = Path(__file__).parents[2] / "intersection_env" / "maps" / "bendplatz.json"
+COUNT = 20
+SPLIT = {"train": range(0, 12), "development": range(12, 15), "validation": range(15, 20)}
+DURATION, WARM_UP = 720.0, 60.0  # [s]
+SEED, REDRAW = 9010, 1000  # recording NN has seed SEED + NN, plus REDRAW for every time it is drawn again
+
+
+def main() -> None:
+    """Regenerate the recordings."""
+    parser = argparse.ArgumentParser(prog="python -m data.sumo", description=__doc__)
+    parser.add_argument("--recording", type=int, choices=range(COUNT), help="only this one, without settings.json")
+    parser.add_argument("--output", type=Path, default=RECORDINGS, help="folder to write to")
+    options = parser.parse_args()
+    numbers = list(range(COUNT)) if options.recording is None else [options.recording]
+    seeds = {number: generate(number, options.output) for number in tqdm(numbers, unit="recording")}
+    if options.recording is None:
+        sumo_files.write_settings(options.output, _made_with(seeds))
+
+
+def generate(number: int, folder: Path) -> list[int]:
+    """Write one recording's files; the seeds tried, the last without vehicles that collide or overlap."""
+    folder.mkdir(parents=True, exist_ok=True)
+    source = MapSource.read(MAP)
+    network = sumo_network.build(source, MAP.with_suffix(".map").read_text(encoding="utf-8"))
+    seeds, tracks = [SEED + number], None
+    while (tracks := draw(source, network, seeds[-1])) is None:
+        seeds.append(seeds[-1] + REDRAW)
+    sumo_files.write_recording(folder, number, tracks, DURATION)
+    return seeds
+
+
+def draw(source: MapSource, network: Network, seed: int) -> list[Track] | None:
+    """The tracks under a seed, in order of appearance; None if vehicles collide or overlap."""
+    rng = np.random.default_rng(seed)
+    main_arms = {arm for arm, value in source.arms.items() if value.right_of_way == "priority"}
+    streams = [
+        sumo_demand.Stream(one.id, one.entry, "main" if one.entry in main_arms else "side", source.turn(one))
+        for one in source.routes
+    ]
+    drivers = sumo_demand.draw_drivers(rng, streams, WARM_UP + DURATION)
+    driven = sumo_drive.simulate(network, drivers, seed, WARM_UP, DURATION, main_arms)
+    if driven is None:
+        return None
+    frames = round(DURATION * FRAME_RATE)
+    tracks = []
+    for motion in driven:
+        path = network.paths[motion.driver.route]
+        seen = sumo_tracks.track(motion, path, sumo_tracks.view_of(source, path), frames)
+        tracks += [] if seen is None else [seen]
+    if sumo_tracks.overlaps(tracks):
+        return None
+    tracks += sumo_tracks.walks(rng, source, tracks, frames)
+    return sorted(tracks, key=lambda one: one.first_frame)
+
+
+def _made_with(seeds: dict[int, list[int]]) -> dict[str, object]:
+    return {
+        "made_by": "python -m data.sumo",
+        "map": MAP.stem,
+        "split": {name: [f"{number:02d}" for number in numbers] for name, numbers in SPLIT.items()},
+        "seeds": {f"{number:02d}": tried[-1] for number, tried in seeds.items()},
+        "redraw_reason": "vehicles collided or overlapped under the seeds listed",
+        "redrawn": {f"{number:02d}": tried[:-1] for number, tried in seeds.items() if len(tried) > 1},
+    }

@@ -1,0 +1,173 @@
+"""What an agent sees, drawn on a map: the paper's illustration of its features, with what the core measures.
+
+python -m experiments.documentation.features --out docs/pictures/features.png
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from intersection_env import Intersection, Predictor, Traffic, Vehicle
+from intersection_env.plots.files import write_figure
+from intersection_env.plots.map_plot import INK, draw_lanes
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+OWN, FOE, LEAD, TURN = "#2f6da8", "#b5483a", "#6d6d69", "#2f8257"
+HEADINGS = slice(3, 9)
+HALO = 2.5  # [point], white around letters
+
+
+def figure() -> Any:
+    """The figure: one vehicle that has to yield, the one ahead of it, and one that has priority."""
+    from matplotlib.figure import Figure
+
+    bendplatz = Intersection.load("bendplatz")
+    own, main = (bendplatz.routes[bendplatz.route_index(id)] for id in ("SW-NW", "NW-SE"))
+    traffic = Traffic.of(
+        bendplatz,
+        [
+            Vehicle("own", own.id, own.stop_line - 15.0, 6.0),
+            Vehicle("lead", own.id, own.stop_line - 4.0, 2.0),
+            Vehicle("foe", main.id, main.stop_line - 21.0, 12.0),
+        ],
+    )
+    left, right = Figure(figsize=(11.6, 6.4), layout="constrained").subplots(1, 2, width_ratios=(1.0, 1.0))
+    turning = Traffic.of(bendplatz, [Vehicle("own", own.id, own.stop_line - 1.0, 4.0)])
+    for axes, shown in ((left, traffic), (right, turning)):
+        draw_lanes(axes, bendplatz)
+        for index, colour in zip(range(len(shown)), (OWN, LEAD, FOE), strict=False):
+            _draw_path(axes, shown, index)
+            _draw_vehicle(axes, shown, index, colour)
+    _draw_distances(left, traffic)
+    _frame(left, [_pose(traffic, vehicle, float(traffic.position[vehicle])) for vehicle in (0, 2)], 16.0)
+    left.set_title("distances, speeds and the gap decision", fontsize=11)
+    _draw_headings(right, turning)
+    ahead = [_pose(turning, 0, float(turning.position[0]) + offset) for offset in (-10.0, 30.0, 100.0)]
+    _frame(right, ahead, 9.0)
+    right.set_title("the road's heading, relative to that here", fontsize=11)
+    return left.figure
+
+
+def _draw_distances(axes: Axes, traffic: Traffic) -> None:
+    """The distances as the core measures them, each laid along the route from where it begins."""
+    seen = Predictor.load("idm").observe(traffic)
+    pair = traffic.conflicts.tolist().index([0, 2])
+    to_pga, _, foe_to_line, foe_speed = seen.gap[pair].tolist()
+    to_line, speed, v_max = seen.driving[0, :3].tolist()
+    to_lead, lead_speed, enters = seen.driving[0, 9:].tolist()
+    front, rear = (float(traffic.position[0] + way * 0.5 * traffic.length[0]) for way in (1, -1))
+    foe_front = float(traffic.position[2] + 0.5 * traffic.length[2])
+    _measure(axes, traffic, 0, front, front + to_line, -3.2, f"$d_{{stop}}$ = {to_line:.1f} m", OWN)
+    _measure(axes, traffic, 0, front, front + to_lead, 2.9, f"$d_{{lead}}$ = {to_lead:.1f} m", LEAD)
+    _measure(axes, traffic, 0, rear, rear + to_pga, -6.4, f"$d_{{PGA}}$ = {to_pga:.1f} m", OWN)
+    _measure(axes, traffic, 2, foe_front, foe_front + foe_to_line, -3.2, f"$d_{{stop}}$ = {foe_to_line:.1f} m", FOE)
+    decision = "enters" if enters else "has to wait"
+    state = f"v = {speed:.0f} m/s\n$v_{{max}}$ = {v_max * 3.6:.0f} km/h\nδ = {enters:.0f}: {decision}"
+    _note(axes, traffic, 0, state, OWN, 14.0)
+    _note(axes, traffic, 1, f"$v_{{lead}}$ = {lead_speed:.0f} m/s", LEAD, -3.5)
+    _note(axes, traffic, 2, f"has priority\nv = {foe_speed:.0f} m/s", FOE, -4.0)
+
+
+def _draw_headings(axes: Axes, traffic: Traffic) -> None:
+    """The road's heading at six offsets, relative to that where the vehicle is."""
+    seen = Predictor.load("idm").observe(traffic).driving[0, HEADINGS]
+    for offset, relative in zip(traffic.intersection.core.heading_offsets, seen.tolist(), strict=True):
+        x, y, heading = _pose(traffic, 0, float(traffic.position[0]) + offset)
+        here = _pose(traffic, 0, float(traffic.position[0]))[2]
+        way = np.array([np.cos(here + relative), np.sin(here + relative)])
+        axes.plot(x, y, "o", markersize=3.5, color=TURN, zorder=6.0)
+        arrow = {"arrowstyle": "-|>", "color": TURN, "linewidth": 1.2, "shrinkA": 0.0, "shrinkB": 0.0}
+        axes.annotate("", xy=(x + 4.0 * way[0], y + 4.0 * way[1]), xytext=(x, y), arrowprops=arrow, zorder=6.0)
+        aside = 2.2 * np.array([-np.sin(heading), np.cos(heading)])
+        text = f"{offset:+.0f} m: {round(np.degrees(relative))}°"
+        _write(axes, x + aside[0], y + aside[1], text, TURN, "right" if aside[0] < 0.0 else "left", 7.5)
+
+
+def _measure(
+    axes: Axes, traffic: Traffic, vehicle: int, begin: float, end: float, aside: float, text: str, colour: str
+) -> None:
+    """A dimension line along a vehicle's route between two arc lengths, `aside` metres to its left."""
+    along = np.array([_pose(traffic, vehicle, at) for at in np.linspace(begin, end, 60)])
+    left = np.stack([-np.sin(along[:, 2]), np.cos(along[:, 2])], axis=1)
+    line = along[:, :2] + aside * left
+    axes.plot(*line.T, color=colour, linewidth=1.3, zorder=5.0)
+    for index in (0, -1):
+        axes.plot(
+            *np.stack([along[index, :2], line[index] + 0.12 * (line[index] - along[index, :2])]).T,
+            color=colour,
+            linewidth=0.7,
+            zorder=4.9,
+        )
+    middle = line[len(line) // 2] + np.sign(aside) * 1.0 * left[len(line) // 2]
+    _write(axes, middle[0], middle[1], text, colour, "left" if np.sign(aside) * left[30, 0] > 0.0 else "right", 9.0)
+
+
+def _draw_vehicle(axes: Axes, traffic: Traffic, vehicle: int, colour: str) -> None:
+    x, y, heading = _pose(traffic, vehicle, float(traffic.position[vehicle]))
+    half = 0.5 * np.array([traffic.length[vehicle], traffic.width[vehicle]])
+    corners = half * np.array([(-1, -1), (0.75, -1), (1, -0.55), (1, 0.55), (0.75, 1), (-1, 1)])
+    turn = np.array([[np.cos(heading), np.sin(heading)], [-np.sin(heading), np.cos(heading)]])
+    axes.fill(*(corners @ turn + (x, y)).T, facecolor=colour, edgecolor=INK, linewidth=0.8, zorder=5.5)
+
+
+def _draw_path(axes: Axes, traffic: Traffic, vehicle: int) -> None:
+    """A vehicle's route and its stop line."""
+    route = traffic.intersection.routes[traffic.route[vehicle]]
+    x, y, heading = _pose(traffic, vehicle, route.stop_line)
+    left = 1.4 * np.array([-np.sin(heading), np.cos(heading)])
+    axes.plot([x - left[0], x + left[0]], [y - left[1], y + left[1]], color=INK, linewidth=2.4, zorder=4.0)
+    path = np.array([_pose(traffic, vehicle, at) for at in np.linspace(0.0, route.length, 400)])
+    axes.plot(*path[:, :2].T, color="#a9a9a5", linewidth=0.9, linestyle=(0, (4.0, 2.0)), zorder=2.0)
+
+
+def _note(axes: Axes, traffic: Traffic, vehicle: int, text: str, colour: str, right: float) -> None:
+    x, y, heading = _pose(traffic, vehicle, float(traffic.position[vehicle]))
+    aside = right * np.array([np.sin(heading), -np.cos(heading)])
+    _write(axes, x + aside[0], y + aside[1], text, colour, "left" if aside[0] > 0.0 else "right", 9.0)
+
+
+def _write(axes: Axes, x: float, y: float, text: str, colour: str, align: str, size: float) -> None:
+    from matplotlib.patheffects import withStroke
+
+    halo = [withStroke(linewidth=HALO, foreground="white")]
+    axes.text(x, y, text, color=colour, fontsize=size, ha=align, va="center", path_effects=halo, zorder=7.0)
+
+
+def _pose(traffic: Traffic, vehicle: int, position: float) -> NDArray[np.float64]:
+    """x, y [m] and heading [rad] at an arc length of a vehicle's route."""
+    sample = traffic.intersection.sample(int(traffic.route[vehicle]), np.array([position], np.float32))
+    return np.asarray(sample[0, :3], dtype=np.float64)
+
+
+def _frame(axes: Axes, poses: Sequence[NDArray[np.float64]], margin: float) -> None:
+    """A square that holds these places and `margin` metres beside them."""
+    places = np.array(poses)[:, :2]
+    middle = 0.5 * (places.min(axis=0) + places.max(axis=0))
+    half = 0.5 * float(np.ptp(places, axis=0).max()) + margin
+    axes.set_xlim(middle[0] - half, middle[0] + half)
+    axes.set_ylim(middle[1] - half, middle[1] + half)
+    axes.set_aspect("equal")
+    axes.set_xlabel("x [m]")
+    axes.set_ylabel("y [m]")
+    axes.tick_params(labelsize=8)
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Draws the figure into a file."""
+    parser = argparse.ArgumentParser(prog="python -m experiments.documentation.features", description=__doc__)
+    parser.add_argument("--out", type=Path, required=True, help="the picture to write")
+    options = parser.parse_args(arguments)
+    write_figure(figure(), options.out)
+    print(f"written: {options.out}")
+
+
+if __name__ == "__main__":
+    main()

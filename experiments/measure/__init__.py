@@ -1,0 +1,1 @@
+"""Measurements, one a figure of the paper; each writes a results file."""

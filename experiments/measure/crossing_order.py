@@ -1,0 +1,246 @@
+"""How often conflicting vehicles are predicted to cross in the order in which they were recorded to.
+
+python -m experiments.crossing_order                     on the development recordings: what choices are made by
+python -m experiments.crossing_order --split validation  for the report, once
+
+No priorities are assigned, and all vehicles of a moment are predicted jointly; paper, "Gap Acceptance Accuracy".
+"""
+
+from __future__ import annotations
+
+import itertools
+import sys
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from experiments.results_files import write_result
+from intersection_env import _core
+from intersection_env.evaluation.errors import HORIZONS, SCORED, Forecaster, Start, starts
+from intersection_env.evaluation.intervals import interval
+from intersection_env.prediction.measures import crossing_order
+from intersection_env.prediction.predictor import DT, STEPS, Predictor
+from intersection_env.scenes.scenes import Scenes
+
+PRIORITY_FIRST, SUMO_RULE, CRITICAL_GAP = "priority_first", "sumo_rule", "critical_gap"
+BASELINES = (PRIORITY_FIRST, SUMO_RULE, CRITICAL_GAP)
+COMPARED = (PRIORITY_FIRST, SUMO_RULE)  # with which every model is compared, pair by pair
+POPULATIONS = ("recorded", "all")  # both vehicles recorded at the start, or also those extrapolated there
+
+Flags = NDArray[np.bool_]
+
+
+@dataclass(frozen=True, eq=False)
+class Pairs:
+    """The scored pairs of some moments.
+
+    recording: (pair,) its id. order: (pair,) +1 the yielder came first, -1 the prioritized vehicle. steps: (pair,)
+    from the start until the first of the two reached the conflict, 0 where one of them already had. recorded: (pair,)
+    whether both are recorded at the start. predicted: by model, (pair,) as `order`, and 0 where unresolved.
+    """
+
+    recording: NDArray[np.str_]
+    order: NDArray[np.int8]
+    steps: NDArray[np.int64]
+    recorded: Flags
+    predicted: Mapping[str, NDArray[np.int8]]
+
+    def right(self, model: str, chosen: Flags) -> dict[str, NDArray[np.float64]]:
+        """Of the chosen pairs, 1 where a model is right and 0 where it is not: (pair,) by recording."""
+        right = (self.predicted[model] == self.order).astype(np.float64)
+        return {name: right[chosen & (self.recording == name)] for name in np.unique(self.recording).tolist()}
+
+
+def recorded_order(start: Start) -> tuple[NDArray[np.int8], NDArray[np.int64]]:
+    """Who reached each conflict first in the recording, and after how many steps the first of the two did.
+
+    A vehicle whose track has ended can be anywhere from there to its route's end. So an order is known where it is the
+    same whether the one stayed and the other jumped, or the other way round.
+
+    Returns:
+        (pair,) as `crossing_order`, but 0 also where the order is not known; and (pair,), of no meaning there.
+    """
+    traffic, core_map = start.traffic, start.traffic.intersection.core
+    stayed, tracked = _positions(start)
+    jumped = np.repeat(stayed[None], len(traffic), axis=0)  # in scenario k, vehicle k alone
+    for k, route in enumerate(traffic.route.tolist()):
+        jumped[k, ~tracked[:, k], k] = traffic.intersection.routes[route].length
+    order = _core.crossing_order(core_map, traffic.core, jumped)
+    pair = np.arange(len(traffic.conflicts))
+    one, other = (order[traffic.conflicts[:, side], pair] for side in (0, 1))
+    time = np.arange(STEPS + 1)
+    until = stayed[np.minimum(time[:, None], time)]  # in scenario k, nobody moves after step k
+    reached = _core.crossing_order(core_map, traffic.core, until) != 0
+    return np.where(one == other, one, np.int8(0)), reached.argmax(axis=0)
+
+
+def _positions(start: Start) -> tuple[NDArray[np.float32], Flags]:
+    """(time, vehicle) as recorded, at a standstill after a track's end [m]; and whether the track lasts till then."""
+    position = np.zeros((STEPS + 1, len(start.traffic)), np.float32)
+    tracked = np.zeros(position.shape, np.bool_)
+    for i, track in enumerate(start.tracks()):
+        own = track.position[start.future(track)]
+        position[: len(own), i], position[len(own) :, i] = own, own[-1]
+        tracked[: len(own), i] = True
+    return position, tracked
+
+
+def scored_pairs(predictors: Sequence[Forecaster], moments: Sequence[Start]) -> Pairs:
+    """The pairs of cars and trucks whose recorded order is known within the horizon; bicycles only take part.
+
+    Raises:
+        ValueError: two predictors have one name, or that of a baseline; or there is no such pair.
+    """
+    rules: list[Forecaster] = [
+        Predictor(Predictor.load("idm", gap="sumo").policy, SUMO_RULE),
+        Predictor(Predictor.load("idm").policy, CRITICAL_GAP),
+    ]
+    names = [one.name for one in predictors] + list(BASELINES)
+    twice = [name for name in names if names.count(name) > 1]
+    if twice:
+        raise ValueError(f'"{twice[0]}" names two models; each needs a name of its own, and {BASELINES} are taken')
+    parts = [one for start in moments if (one := _pairs_of([*predictors, *rules], start)) is not None]
+    if not parts:
+        raise ValueError(f"no pair of vehicles of known order in {len(moments)} moments")
+    columns = ("recording", "order", "steps", "recorded")
+    joined = {column: np.concatenate([getattr(part, column) for part in parts]) for column in columns}
+    predicted = {name: np.concatenate([part.predicted[name] for part in parts]) for name in names}
+    return Pairs(**joined, predicted=predicted)
+
+
+def _pairs_of(predictors: Sequence[Forecaster], start: Start) -> Pairs | None:
+    traffic, tracks = start.traffic, start.tracks()
+    users = np.array([track.road_user in SCORED for track in tracks], np.bool_)
+    observed = np.array([track.observed[start.step - track.start] for track in tracks], np.bool_)
+    order, steps = recorded_order(start)
+    scored = (order != 0) & users[traffic.conflicts].all(axis=1)
+    if not scored.any():
+        return None
+    predicted = {one.name: crossing_order(traffic, one.predict(traffic))[0, scored] for one in predictors}
+    return Pairs(
+        recording=np.full(scored.sum(), start.scene.recording),
+        order=order[scored],
+        steps=steps[scored],
+        recorded=observed[traffic.conflicts[scored]].all(axis=1),
+        predicted={**predicted, PRIORITY_FIRST: np.full(scored.sum(), -1, np.int8)},
+    )
+
+
+def order_results(predictors: Sequence[Forecaster], moments: Sequence[Start]) -> dict[str, Any]:
+    """How often predicted crossing orders are the recorded ones, with intervals over recordings.
+
+    Args:
+        predictors: beside the baselines, which are always measured: who has priority goes first; the IDM with SUMO's
+            rule; the IDM with critical gaps.
+        moments: as `starts` gives them.
+
+    Returns:
+        By population, `pairs`, of which `settled` (one vehicle has reached the conflict at the start, so that all are
+        right); and by model `accuracy`, `open_accuracy` (of pairs not settled), `unresolved` (share of the pairs;
+        they count as wrong) and `minus` (accuracy minus that of others, pair by pair); and of the pairs not settled,
+        `by_first` (who came first in the recording) and `by_time` (when: `after` to `until` [s]).
+
+    Raises:
+        ValueError: as in `scored_pairs`.
+    """
+    pairs = scored_pairs(predictors, moments)
+    results: dict[str, Any] = {"moments": len(moments), "recordings": len(np.unique(pairs.recording))}
+    for population in POPULATIONS:
+        chosen = np.ones_like(pairs.recorded) if population == "all" else pairs.recorded
+        sizes = {"pairs": int(chosen.sum()), "settled": int((chosen & (pairs.steps == 0)).sum())}
+        models = {name: _figures(pairs, name, chosen) for name in pairs.predicted}
+        results[population] = {**sizes, "models": models}
+    return results
+
+
+def _figures(pairs: Pairs, model: str, chosen: Flags) -> dict[str, Any]:
+    right, still_open = pairs.right(model, chosen), chosen & (pairs.steps > 0)
+    others = {other: pairs.right(other, chosen) for other in COMPARED if other != model}
+    bins = np.digitize(pairs.steps, [round(horizon / DT) for horizon in HORIZONS], right=True)
+
+    def part(flags: Flags) -> dict[str, Any]:
+        within = still_open & flags
+        return {"pairs": int(within.sum()), "accuracy": _mean(pairs.right(model, within))}
+
+    return {
+        "accuracy": _mean(right),
+        "open_accuracy": _mean(pairs.right(model, still_open)),
+        "unresolved": round(float((pairs.predicted[model][chosen] == 0).mean()), 4) if chosen.any() else None,
+        "minus": {other: _mean({key: right[key] - theirs[key] for key in right}) for other, theirs in others.items()},
+        "by_first": {first: part(pairs.order == way) for first, way in (("yielder", 1), ("prioritized", -1))},
+        "by_time": [
+            {"after": after, "until": until, **part(bins == k)}
+            for k, (after, until) in enumerate(itertools.pairwise((0.0, *HORIZONS)))
+        ],
+    }
+
+
+def _mean(samples: Mapping[str, NDArray[np.float64]]) -> dict[str, float] | None:
+    """With its interval; None of nothing."""
+    if not any(len(part) for part in samples.values()):
+        return None
+    return {key: round(value, 4) for key, value in interval(samples, lambda all_: float(all_.mean())).items()}
+
+
+def table(results: Mapping[str, Any]) -> str:
+    """The results as Markdown, in percent; intervals in brackets, pairs in parentheses."""
+    blocks = []
+    for population in POPULATIONS:
+        result = results[population]
+        some = next(iter(result["models"].values()))
+        firsts = [f"{first} first ({one['pairs']})" for first, one in some["by_first"].items()]
+        times = [f"{one['after']:.0f}-{one['until']:.0f} s ({one['pairs']})" for one in some["by_time"]]
+        heads = ["", "accuracy", "not settled", "unresolved", *(f"minus {name}" for name in COMPARED), *firsts, *times]
+        lines = [
+            f"Population: {population}. {results['recordings']} recordings, {result['pairs']} pairs,"
+            f" {result['settled']} of them settled at the start.\n",
+            f"| {' | '.join(heads)} |".replace("_", " "),
+            "|---" * len(heads) + "|",
+        ]
+        for name, model in result["models"].items():
+            unresolved = "" if model["unresolved"] is None else f"{100 * model['unresolved']:.1f}"
+            cells = [name.replace("_", " "), _cell(model["accuracy"]), _cell(model["open_accuracy"]), unresolved]
+            cells += [_cell(model["minus"].get(other)) for other in COMPARED]
+            cells += [_cell(one["accuracy"], False) for one in (*model["by_first"].values(), *model["by_time"])]
+            lines.append(f"| {' | '.join(cells)} |")
+        blocks.append("\n".join(lines))
+    return "\n\n".join(blocks)
+
+
+def _cell(figure: Mapping[str, float] | None, with_interval: bool = True) -> str:
+    if figure is None:
+        return ""
+    value, low, high = (100.0 * figure[key] for key in ("value", "low", "high"))
+    return f"{value:.1f} [{low:.1f}, {high:.1f}]" if with_interval else f"{value:.1f}"
+
+
+@dataclass(frozen=True)
+class Options:
+    """Accuracy of the predicted crossing order."""
+
+    scenes: Path = Path("out/scenes.npz")
+    """The scenes file; `python -m data.build` makes it."""
+    split: Literal["development", "validation"] = "development"
+    """What to measure on; validation is for the report only."""
+    policies: tuple[str, ...] = ("gail", "ppo", "gap", "idm_calibrated")
+    """Names of shipped policies, or policy files."""
+    out: Path = Path("experiments/results")
+    """The folder of the results file."""
+
+
+def main(options: Options) -> int:
+    """Measures as told, prints the tables, writes the results; returns the exit status."""
+    try:
+        moments, refused = starts(Scenes.load(options.scenes).select(options.split))
+        results = order_results([Predictor.load(policy) for policy in options.policies], moments)
+        content = {"split": options.split, "refused": len(refused), **results}
+        print(table(results))
+        write_result(options.out / f"order_{options.split}.json", content)
+    except (OSError, ValueError) as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 1
+    return 0

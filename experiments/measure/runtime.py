@@ -1,0 +1,215 @@
+"""How long the next 10 s of 2 to 15 vehicles take to predict, over random scenes, as in the paper's runtime figure.
+
+python -m experiments.runtime --figure out/runtime.pdf
+
+On one core, from Python: time losses and smallest distances, no trajectories. The call counts, building the traffic
+does not. Machines are noisy: compare within one run.
+"""
+
+from __future__ import annotations
+
+import gc
+import importlib
+import os
+import sys
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import partial
+from itertools import islice
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from tqdm import tqdm
+
+from experiments.bench.environment_peers import in_own_process
+from experiments.bench.predictor import CYCLE, SIZES
+from experiments.bench.stopwatch import reference_rate
+from experiments.bench.timed_traffic import random_traffics
+from experiments.results_files import write_result
+from experiments.show.runtime import fits, plot, table
+from intersection_env import Predictor, Traffic, _core
+from intersection_env.plots.files import write_figure
+from intersection_env.policies.file import PolicyFile
+from intersection_env.traffic import FLOAT_FIELDS
+
+BATCH = 64  # scenarios a call
+BLOCK, WARM_UP = 100, 5  # scenes between one case's turns; calls before each turn that do not count
+TORCH_SIZES, TORCH_SCENES, TORCH_REPEATS = (2, 5, 10, 15), 10, 3
+PAPER = {"vehicles": 15, "ms": 3.5, "maneuvers_per_cycle": 50, "core": "AMD Ryzen 7 3700X"}
+"""An upper bound of one prediction's time and a lower one of what fits in a cycle. Source: paper, Section IV-C.3."""
+
+Case = Callable[[Traffic], Callable[[], object]]
+"""For a traffic, the call that is timed."""
+Times = dict[int, list[float]]
+"""By number of vehicles [ms]."""
+
+
+@dataclass(frozen=True)
+class Options:
+    """Runtimes over the number of vehicles."""
+
+    policy: str = "gail"
+    """A policy file with both networks, or the name of a shipped one."""
+    scenes: int = 2000
+    """How many random scenes for each number of vehicles."""
+    seed: int = 0
+    """Of the scenes."""
+    out: Path = Path("experiments/results")
+    """The folder of the results file."""
+    figure: Path | None = None
+    """Where to draw the runtimes (.png, .svg, .pdf)."""
+
+
+def runtime_results(options: Options) -> dict[str, Any]:
+    """All of it, as the results file holds it.
+
+    Raises:
+        ValueError: no scenes, an unknown policy, or one without both networks.
+        OSError: the policy file cannot be read.
+    """
+    if options.scenes < 1:
+        raise ValueError(f"--scenes is {options.scenes}; wanted at least 1")
+    ours, idm = Predictor.load(options.policy, threads=1), Predictor.load("idm", threads=1)
+    if ours.policy.gap_network is None or ours.policy.driving_network is None:
+        raise ValueError(f'the policy "{options.policy}" lacks a network; wanted one with both')
+    cases = {"ours": _one(ours), "ours, batch": _batch(ours), "IDM": _one(idm), "IDM, batch": _batch(idm)}
+    reference = [reference_rate()]
+    results: dict[str, Any] = {"policy": ours.name, "scenes": options.scenes, "seed": options.seed, "batch": BATCH}
+    results |= {"steps": _core.STEPS, "cores": os.cpu_count(), "isa": _core.kernel_name()} | core_times(cases, options)
+    results["reference_gflops"] = [*reference, reference_rate()]
+    models = results["models"]
+    libsumo = in_own_process("experiments.measure.runtime_libsumo", "libsumo")
+    models |= {name: libsumo.get(name, libsumo) for name in ("libsumo", "libsumo, steps alone")}  # or why it is missing
+    models["torch"] = torch_times(ours.policy, options.seed)
+    results["fits"] = {name: fits(models[name]) for name in ("ours", "ours, batch")}
+    results["maneuvers_per_cycle"] = int(CYCLE * 1e3 / models["ours, batch"]["vehicles"][str(SIZES[-1])]["mean"])
+    return results | {"paper": PAPER}
+
+
+def random_scenes(count: int, seed: int) -> Iterator[dict[int, Traffic]]:
+    """So many random traffics of 15 vehicles, and by number of vehicles so many of them; the same ones for a seed.
+
+    Each number has one vehicle more than the one before, so that curves over it do not jump with the luck of a draw.
+    """
+    generator = np.random.default_rng(seed)
+    for traffic in islice(random_traffics(generator), count):
+        drawn = generator.permutation(len(traffic))
+        yield {size: _some(traffic, sorted(drawn[:size].tolist())) for size in SIZES}
+
+
+def _some(traffic: Traffic, kept: list[int]) -> Traffic:
+    ids = tuple(traffic.ids[k] for k in kept)
+    columns = {name: getattr(traffic, name)[kept] for name in FLOAT_FIELDS}
+    return Traffic(traffic.intersection, ids, traffic.route[kept], **columns)
+
+
+def _one(predictor: Predictor) -> Case:
+    return lambda traffic: lambda: predictor.predict(traffic, trajectories=False)
+
+
+def _batch(predictor: Predictor) -> Case:
+    """A batch that leaves all to the gap decision, which takes longest; its scenarios are alike."""
+
+    def case(traffic: Traffic) -> Callable[[], object]:
+        assignments = np.zeros((BATCH, len(traffic.conflicts)), np.int8)
+        return lambda: predictor.predict(traffic, assignments, trajectories=False)
+
+    return case
+
+
+def core_times(cases: Mapping[str, Case], options: Options) -> dict[str, Any]:
+    """Each case's times, the mean number of pairs by number of vehicles, and how much of a core there was.
+
+    Cases and numbers take turns, a block of scenes each, so that a machine that slows down slows all of them alike.
+    """
+    taken: dict[str, Times] = {name: {size: [] for size in SIZES} for name in cases}
+    pairs, wall, work = dict.fromkeys(SIZES, 0), 0.0, 0.0
+    scenes = random_scenes(options.scenes, options.seed)
+    with tqdm(total=options.scenes, desc="runtime", unit="scene", disable=None) as bar:
+        while block := list(islice(scenes, BLOCK)):
+            begin, begin_of_work = time.perf_counter(), time.process_time()
+            for size in SIZES:
+                traffics = [scene[size] for scene in block]
+                pairs[size] += sum(len(traffic.conflicts) for traffic in traffics)
+                for name, case in cases.items():
+                    taken[name][size] += milliseconds([case(traffic) for traffic in traffics])
+            wall, work = wall + time.perf_counter() - begin, work + time.process_time() - begin_of_work
+            bar.update(len(block))
+    models = {
+        name: model_row(times, "one call a scene", BATCH if name.endswith("batch") else 1)
+        for name, times in taken.items()
+    }
+    means = {str(size): count / options.scenes for size, count in pairs.items()}
+    return {"models": models, "pairs": means, "core_share": work / wall}
+
+
+def milliseconds(calls: Sequence[Callable[[], object]]) -> list[float]:
+    """What each call takes [ms], after a few that warm up, without garbage collection."""
+    taken = []
+    with garbage_kept():
+        for call in calls[:WARM_UP]:
+            call()
+        for call in calls:
+            begin = time.perf_counter_ns()
+            call()
+            taken.append((time.perf_counter_ns() - begin) * 1e-6)
+    return taken
+
+
+@contextmanager
+def garbage_kept() -> Iterator[None]:
+    was_enabled = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if was_enabled:
+            gc.enable()
+
+
+def model_row(times: Times, doing: str, scenarios: int = 1) -> dict[str, Any]:
+    """What a model did; by number of vehicles the times of one of the scenarios of a call [ms] and how many calls."""
+    rows = {
+        str(size): {
+            "mean": float(np.mean(of)) / scenarios,
+            "median": float(np.median(of)) / scenarios,
+            "calls": len(of),
+        }
+        for size, of in times.items()
+        if of
+    }
+    return {"vehicles": rows, "doing": doing}
+
+
+def torch_times(policy: PolicyFile, seed: int) -> dict[str, Any]:
+    """The same model as plain torch operations, one scenario, of a few scenes and numbers of vehicles."""
+    torch = importlib.import_module("torch")
+    torch.set_num_threads(1)
+    of_traffic = importlib.import_module("imitation.torch_model").TorchPredictor
+    times: Times = {size: [] for size in TORCH_SIZES}
+    for scene in random_scenes(TORCH_SCENES, seed):
+        for size in TORCH_SIZES:
+            predictor = of_traffic(scene[size], policy)
+            assignment = torch.zeros((1, len(predictor.i)), dtype=torch.int8)
+            times[size] += milliseconds([partial(predictor.predict, assignment)] * TORCH_REPEATS)
+    return model_row(times, f"{TORCH_SCENES} scenes, {TORCH_REPEATS} times each")
+
+
+def main(options: Options) -> int:
+    """Times as told, prints the table, writes the results and the figure; returns the exit status."""
+    try:
+        results = runtime_results(options)
+        print(table(results))
+        write_result(options.out / "runtime.json", results)
+        if options.figure:
+            from matplotlib import rc_context
+
+            with rc_context({"pdf.fonttype": 42}):  # TrueType; publishers refuse matplotlib's default, Type 3
+                write_figure(plot(results), options.figure)
+    except (OSError, ValueError) as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 1
+    return 0

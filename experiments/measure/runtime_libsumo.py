@@ -1,0 +1,84 @@
+"""Times libsumo from 2 to 15 vehicles, for the runtime figure, in a process of its own: it crashes now and then.
+
+python -m experiments.measure.runtime_libsumo
+"""
+
+from __future__ import annotations
+
+import importlib
+import json
+import sys
+import tempfile
+import time
+from pathlib import Path
+from typing import Any
+
+from experiments.bench.environment_peers import MAP, NOT_INSTALLED, drivers, keep_present, sumo_files
+from experiments.bench.predictor import SIZES
+from experiments.bench.predictor_peers import SEARCHED
+from experiments.measure.runtime import Times, garbage_kept, model_row
+from intersection_env import _core
+from intersection_env.maps.source import MapSource
+from intersection_env.policies.file import DT
+
+SUMO_STATES, SUMO_SPACING, SUMO_REPEATS = 20, 2.0, 3  # a number of vehicles; [s] of one number's, at least; of each
+
+
+def libsumo_times() -> dict[str, Any]:
+    """50 steps of 0.2 s from states of libsumo's own traffic: restoring included, and the steps alone."""
+    libsumo = importlib.import_module("libsumo")
+    source = MapSource.read(MAP)
+    begin, begin_of_work = time.perf_counter(), time.process_time()
+    whole: Times = {size: [] for size in SIZES}
+    alone: Times = {size: [] for size in SIZES}
+    with tempfile.TemporaryDirectory() as folder, garbage_kept():
+        command = sumo_files(source, drivers(source, SEARCHED), Path(folder))
+        states = _libsumo_states(libsumo, command, Path(folder))
+        routes = command.index("-r")
+        libsumo.start(command[:routes] + command[routes + 2 :])  # nobody else enters
+        for size, state in states * SUMO_REPEATS:
+            started = time.perf_counter()
+            libsumo.simulation.loadState(state)
+            restored = time.perf_counter()
+            for _ in range(_core.STEPS):
+                libsumo.simulationStep()
+            done = time.perf_counter()
+            whole[size].append(1e3 * (done - started))
+            alone[size].append(1e3 * (done - restored))
+        libsumo.close()
+    share = (time.process_time() - begin_of_work) / (time.perf_counter() - begin)
+    doing = f"{SUMO_REPEATS} times each of up to {SUMO_STATES} states; {_core.STEPS} steps of {DT} s"
+    whole_row = model_row(whole, f"{doing}, restoring included") | {"core_share": share}
+    return {"libsumo": whole_row, "libsumo, steps alone": model_row(alone, doing) | {"core_share": share}}
+
+
+def _libsumo_states(libsumo: Any, command: list[str], folder: Path) -> list[tuple[int, str]]:
+    """States of its traffic, saved: how many vehicles, and the file."""
+    saved: list[tuple[int, str]] = []
+    times: Times = {size: [] for size in SIZES}
+    libsumo.start(command)
+    while (now := libsumo.simulation.getTime()) < SEARCHED:
+        libsumo.simulationStep()
+        of_size = times.get(libsumo.vehicle.getIDCount())
+        if of_size is None or len(of_size) == SUMO_STATES or (of_size and now - of_size[-1] < SUMO_SPACING):
+            continue
+        of_size.append(now)
+        saved.append((libsumo.vehicle.getIDCount(), str(folder / f"{len(saved)}.xml")))
+        libsumo.simulation.saveState(saved[-1][1])
+        keep_present(Path(saved[-1][1]))
+    libsumo.close()
+    return saved
+
+
+def main() -> int:
+    """Prints its times as JSON; returns the exit status."""
+    try:
+        print(json.dumps(libsumo_times()))
+    except ModuleNotFoundError as error:
+        print(error, file=sys.stderr)
+        return NOT_INSTALLED
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,184 @@
+"""How driving networks do in the closed loop: the paper's run of 2000 s, a longer one, and how hard they accelerate.
+
+python -m experiments.closed_loop
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import sys
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from scipy.stats import chi2
+from tensordict import TensorDict
+from tqdm import tqdm
+
+from agents.networks.export import driving_network
+from agents.rollouts.validation_run import STEPS, ValidationRun, validation_run
+from experiments.results_files import write_result
+from imitation.expert import expert_steps
+from intersection_env.envs.spaces import ACCELERATION
+from intersection_env.plots.files import write_figure
+from intersection_env.prediction.predictor import Predictor
+from intersection_env.scenes.scenes import Scenes
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+SEED = 2**41  # of no training
+VEHICLES = 12
+WORLDS = 20  # of the longer run
+QUANTILES = (0.01, 0.05, 0.25, 0.5, 0.75, 0.95, 0.99)
+EDGES = np.linspace(-ACCELERATION, ACCELERATION, 121)  # [m/s²] of the histogram
+COVERAGE = 0.95
+
+
+@dataclass(frozen=True)
+class Options:
+    """Driving networks in the closed loop."""
+
+    scenes: Path = Path("out/scenes.npz")
+    """The scenes file, whose recorded accelerations stand beside; `python -m data.build` makes it."""
+    policies: tuple[str, ...] = ("ppo", "gail")
+    """Names of shipped policies, or policy files, with a driving network."""
+    gaps: tuple[str, ...] = ("gap", "critical_gap")
+    """Who decides about gaps, in turn."""
+    split: Literal["development", "validation"] = "development"
+    """Whose recorded accelerations."""
+    out: Path = Path("experiments/results")
+    """The folder of the results file."""
+    figure: Path | None = None
+    """Where to draw the accelerations (.png, .svg, .pdf)."""
+
+
+def closed_loop_results(
+    predictors: Sequence[Predictor], gaps: Mapping[str, str], recorded: NDArray[np.float32], worlds: int = WORLDS
+) -> dict[str, Any]:
+    """How these drivers do.
+
+    Args:
+        predictors: with a driving network each; it acts unlimited here, by its mean.
+        gaps: who decides about gaps, in turn: what to call them, and what `ClosedLoopWorlds` calls them.
+        recorded: (step,) accelerations of recorded vehicles [m/s²].
+        worlds: of the longer run.
+
+    Returns:
+        Under "drivers", by predictor and by who decides about gaps: the figures of one run of 2000 s and, under
+        "longer", of so many worlds for 2000 s each, collisions there with an interval (exact, Poisson). Under
+        "acceleration", by driver, quantiles and histogram over the longer run with the first of `gaps`; likewise
+        "recorded".
+
+    Raises:
+        ValueError: a policy has no driving network.
+    """
+    drivers: dict[str, Any] = {}
+    accelerations = {"recorded": _spread(np.histogram(recorded, EDGES)[0], np.quantile(recorded, QUANTILES))}
+    with tqdm(total=len(predictors) * len(gaps), desc="closed loop", disable=None) as bar:
+        for predictor in predictors:
+            policy = driving_network(predictor.policy)
+            drivers[predictor.name] = {}
+            for name, gap in gaps.items():
+                seen: list[NDArray[np.floating]] = []
+
+                def watch(data: TensorDict, seen: list[NDArray[np.floating]] = seen) -> None:
+                    seen.append(ACCELERATION * torch.tanh(data["action"]).numpy().ravel())
+
+                once = validation_run(policy, gap=gap, seed=SEED, vehicles=VEHICLES)
+                longer = validation_run(policy, gap=gap, seed=SEED, vehicles=VEHICLES, worlds=worlds, watch=watch)
+                drivers[predictor.name][name] = dataclasses.asdict(once) | {"longer": _longer(longer)}
+                if not accelerations.get(predictor.name):
+                    values = np.concatenate(seen)
+                    spread = _spread(np.histogram(values, EDGES)[0], np.quantile(values, QUANTILES))
+                    accelerations[predictor.name] = spread
+                bar.update()
+    return {"drivers": drivers, "quantiles": QUANTILES, "edges": EDGES.round(3).tolist(), "acceleration": accelerations}
+
+
+def _longer(run: ValidationRun) -> dict[str, Any]:
+    exposure = run.seconds * VEHICLES
+    low, high = poisson_interval(round(run.collisions * exposure))
+    interval = {"value": run.collisions, "low": low / exposure, "high": high / exposure}
+    return dataclasses.asdict(run) | {"collisions": interval}
+
+
+def poisson_interval(count: int) -> tuple[float, float]:
+    """The means between which a Poisson count leaves no doubt at 95 %.
+
+    Source: Garwood's exact interval.
+    """
+    tail = 0.5 * (1.0 - COVERAGE)
+    low = 0.5 * float(chi2.ppf(tail, 2 * count)) if count else 0.0
+    return low, 0.5 * float(chi2.ppf(1.0 - tail, 2 * count + 2))
+
+
+def _spread(counts: NDArray[np.int64], quantiles: NDArray[np.floating]) -> dict[str, list[float]]:
+    share = counts / counts.sum()
+    return {"quantiles": quantiles.round(3).tolist(), "histogram": share.round(6).tolist()}
+
+
+def plot(results: dict[str, Any], names: Mapping[str, str]) -> Figure:
+    """The shares of accelerations, these drivers beside the recorded ones.
+
+    Args:
+        results: as `closed_loop_results` gives them.
+        names: drivers to draw, in this order, and what to call them.
+    """
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(3.5, 2.6), layout="constrained")
+    axes = figure.subplots()
+    middles = 0.5 * (np.array(results["edges"][1:]) + np.array(results["edges"][:-1]))
+    width = results["edges"][1] - results["edges"][0]
+    for k, (driver, name) in enumerate({"recorded": "recorded", **names}.items()):
+        spread = results["acceleration"][driver]
+        style: dict[str, Any] = {"color": "#555", "linewidth": 2.0} if driver == "recorded" else {"color": f"C{k - 1}"}
+        axes.plot(middles, np.maximum(spread["histogram"], 1e-6) / width, label=name, **style)
+    axes.set_yscale("log")
+    axes.set_ylim(bottom=1e-4)
+    axes.set_xlabel("acceleration [m/s²]")
+    axes.set_ylabel("density [s²/m]")
+    axes.spines[["top", "right"]].set_visible(False)
+    axes.grid(color="#e4e4e1", linewidth=0.6)
+    axes.legend(frameon=False, fontsize=8)
+    return figure
+
+
+def table(results: dict[str, Any]) -> str:
+    """The figures of the runs, as text."""
+    lines = [f"{'driver':<8} {'gaps by':<14} {'reward':>7} {'between':>8} {'collisions /s':>28} {'speed':>6}"]
+    for name, rows in results["drivers"].items():
+        for gap, once in rows.items():
+            run = once["longer"]
+            found = run["collisions"]
+            collisions = f"{found['value']:.1e} [{found['low']:.1e}, {found['high']:.1e}]"
+            figures = (
+                f"{run['reward']:>7.2f} {run['reward_between_collisions']:>8.2f} {collisions:>28} {run['speed']:>6.1f}"
+            )
+            lines.append(f"{name:<8} {gap:<14} {figures}")
+    return "\n".join(lines)
+
+
+def main(options: Options) -> int:
+    """Measures as told, prints the table, writes the results; returns the exit status."""
+    torch.set_num_threads(1)  # such small networks gain nothing from more
+    try:
+        recorded = expert_steps(Scenes.load(options.scenes), options.split).acceleration
+        results = closed_loop_results(
+            [Predictor.load(one) for one in options.policies],
+            dict(zip(options.gaps, options.gaps, strict=True)),
+            recorded,
+        )
+        print(f"{WORLDS} worlds of {VEHICLES} vehicles, {STEPS} steps\n{table(results)}")
+        if options.figure:
+            write_figure(plot(results, {name: name for name in results["drivers"]}), options.figure)
+        write_result(options.out / "closed_loop.json", results)
+    except (OSError, ValueError) as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 1
+    return 0

@@ -1,0 +1,1 @@
+"""Predictors that are no policies, to compare with."""

@@ -1,0 +1,79 @@
+"""What if a vehicle that stands across the path led? The model with this one thing changed, for `make ablations`.
+
+The model knows leads in one's own lane alone, as the paper does, and so nothing shows a driver somebody who has
+stopped on the conflict before it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from experiments.models.from_trajectories import prediction_of_motions
+from imitation.torch_model import TorchPredictor
+from intersection_env import Traffic, _core
+from intersection_env.policies.file import PolicyFile
+from intersection_env.prediction.predictor import Prediction
+
+STANDING = 1.0  # [m/s] slower is standing
+
+
+class AcrossPredictor(TorchPredictor):
+    """Whoever stands on a conflict that one has not reached leads too, as if its border were a rear bumper."""
+
+    def __init__(self, traffic: Traffic, policy: PolicyFile) -> None:
+        super().__init__(traffic, policy)
+        count = len(traffic)
+        self.own_begin = torch.full((count, count), -torch.inf)  # of who follows (row), on its route
+        self.other_begin, self.other_end = torch.full((count, count), torch.inf), torch.full((count, count), -torch.inf)
+        intervals = {}
+        for yielder, prioritized, _, *ends in traffic.intersection.core.conflicts:
+            intervals[yielder, prioritized] = ends[:2], ends[2:]
+            intervals[prioritized, yielder] = ends[2:], ends[:2]
+        for i, own in enumerate(self.route.tolist()):
+            for j, other in enumerate(self.route.tolist()):
+                if (own, other) in intervals:
+                    (self.own_begin[i, j], _), (self.other_begin[i, j], self.other_end[i, j]) = intervals[own, other]
+
+    def _leads(
+        self, position: Tensor, front: Tensor, rear: Tensor, speed: Tensor, present: Tensor
+    ) -> tuple[Tensor, Tensor, Tensor]:
+        lead, to_lead, lead_speed = super()._leads(position, front, rear, speed, present)
+        stands = present & (speed < STANDING)
+        is_on = (front[:, None, :] > self.other_begin) & (rear[:, None, :] < self.other_end)
+        before = self.own_begin - front[:, :, None]
+        to_across, across = torch.where(stands[:, None, :] & is_on & (before >= 0.0), before, torch.inf).min(-1)
+        nearer = to_across < to_lead
+        return (
+            torch.where(nearer, across, lead),
+            torch.where(nearer, to_across, to_lead),
+            torch.where(nearer, speed.gather(1, across), lead_speed),
+        )
+
+
+@dataclass(frozen=True)
+class TorchForecaster:
+    """The model as plain torch operations, in the case in which nobody intervenes."""
+
+    name: str
+    policy: PolicyFile
+    model: type[TorchPredictor]
+
+    def predict(self, traffic: Traffic) -> Prediction:
+        """As of `Predictor.predict`."""
+        bound = self.model(traffic, self.policy)
+        none = np.zeros((1, len(traffic.conflicts)), np.int8)
+        completed = _core.complete(traffic.intersection.core, traffic.core, none)
+        moments = list(bound.moments(torch.from_numpy(completed)))
+        position, speed, present = (
+            torch.cat([now[None], *(getattr(moment, name) for moment in moments)]).numpy()
+            for name, now in (
+                ("position", bound.position),
+                ("speed", bound.speed),
+                ("present", bound.position < bound.length),
+            )
+        )
+        return prediction_of_motions(traffic, position, speed, present)

@@ -1,0 +1,1 @@
+"""`make reproduce` and `make ablations`: trainings and measurements as stages of one job."""

@@ -1,0 +1,242 @@
+"""What each part is worth: trainings with one thing changed, measured on the development recordings.
+
+python -m experiments.reproduce.ablations        (`make ablations`; goes on from the trainings of `make reproduce`)
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import os
+import sys
+from collections.abc import Mapping, Sequence
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import torch
+import tyro
+
+from agents.gap.train import PROFILES as GAP_PROFILES
+from agents.networks.export import driving_network
+from agents.training.folder import METRICS
+from experiments.measure.crossing_order import order_results
+from experiments.measure.horizon import horizon_results
+from experiments.models.lead_across import AcrossPredictor, TorchForecaster
+from experiments.reproduce.stages import exit_status_of, run_trainings
+from experiments.reproduce.trainings import Trainings
+from experiments.reproduce.workspace import Job, Options
+from experiments.results_files import write_result
+from imitation.gail import PROFILES as GAIL_PROFILES
+from imitation.replay_error import replay_error
+from imitation.torch_model import TorchPredictor
+from intersection_env.evaluation.errors import Forecaster, Start, contested, errors, starts, thinned
+from intersection_env.policies.file import PolicyFile
+from intersection_env.prediction.predictor import Predictor
+from intersection_env.scenes.scenes import Scenes
+
+GAP = {
+    "no input noise": ["--noise", "0"],
+    "the paper's input noise": ["--noise", "1"],
+}
+"""Options of `agents.gap.train`, where they are not the default ones."""
+GAIL = {
+    "no gradient penalty": ["--discriminator.gradient-penalty", "0"],
+    "no smoothed labels, no noise on inputs": ["--discriminator.smoothing", "0", "--discriminator.noise", "0"],
+    "noise of actions does not fall": ["--last-sigma", str(GAIL_PROFILES["default"][1].sigma)],
+    "10 updates of the policy an epoch, as in the paper": ["--update.passes", "10", "--update.minibatches", "1"],
+    "delta from the gap network": ["--gap", "{gap}"],
+    "from random networks, without PPO": ["--ppo", "None"],
+}
+"""Options of `imitation.gail`, where they are not the default ones; {gap} is the gap network's policy file."""
+DEFAULT_GAP, DEFAULT_GAIL = "gap network, nothing changed", "GAIL, nothing changed"
+IN_CORE, IN_TORCH, ACROSS = "in one's own lane", "the same, as plain torch operations", "who stands across the path too"
+LEAD_MOMENTS = 500
+
+
+class Ablations:
+    """The stages of the ablations."""
+
+    def __init__(self, job: Job) -> None:
+        self.job = job
+        self.output = job.options.out / "ablations.json"
+
+    def run(self) -> None:
+        """Trains each variant that has not been trained, and measures all."""
+        changes = {"gap": GAP, "gail": GAIL}
+        options = self.job.options
+        inputs = {"changes": changes, "effort": options.effort, "seeds": list(options.seeds)}
+        self.job.stage("ablations", ["gail"], self.output, self._all, **inputs)
+
+    def _all(self) -> None:
+        gap = {name: self.job.run_of(f"ablation_gap_{place}") for place, name in enumerate(GAP)}
+        gail = {name: self.job.run_of(f"ablation_gail_{place}") for place, name in enumerate(GAIL)}
+        scenes, policy, seed = str(self.job.scenes), str(self.job.policy("gap")), self.job.options.seeds[0]
+        commands = {gap[name]: ["agents.gap", "default", "--scenes", scenes, *options] for name, options in GAP.items()}
+        self._train(commands, GAP_PROFILES["default"][1].epochs)
+        common = ["imitation.gail", "default", "--scenes", scenes, "--decider", policy, "--seed", str(seed)]
+        start = ["--ppo", str(self.job.run_of(f"ppo_{seed}"))]
+        commands = {
+            gail[name]: [*common, *([] if "--ppo" in options else start), *(one.format(gap=policy) for one in options)]
+            for name, options in GAIL.items()
+        }
+        self._train(
+            {run: [*command, "--threads", "1"] for run, command in commands.items()}, GAIL_PROFILES["default"][1].epochs
+        )
+        gap = {DEFAULT_GAP: self.job.run_of("gap")} | gap
+        default = {f"{DEFAULT_GAIL}, seed {one}": self.job.run_of(f"gail_{one}") for one in self.job.options.seeds}
+        gail = default | gail
+        content = {"gap": self._gaps(gap), "gail": self._drivers(gail), "lead": self._leads()}
+        write_result(self.output, content)
+
+    def _train(self, commands: Mapping[Path, list[str]], epochs: int) -> None:
+        wanted = max(1, round(self.job.options.effort * epochs))
+        common = ["--epochs", str(wanted), "--resume"]
+        trainings = {run: [*command, *common, "--run", str(run)] for run, command in commands.items()}
+        run_trainings(trainings, wanted, os.cpu_count() or 1)
+
+    def _gaps(self, runs: Mapping[str, Path]) -> dict[str, Any]:
+        """Per variant: how often frames are decided rightly, and what comes of it with the calibrated IDM."""
+        idm = PolicyFile.read(self.job.policy("idm_calibrated"))
+        found = {}
+        for name, run in runs.items():
+            policy = PolicyFile.read(run / "gap.policy")
+            frames = policy.about["development"]
+            predictor = Predictor(dataclasses.replace(idm, gap_network=policy.gap_network), name)
+            found[name] = {
+                "frames": {foes: row["accuracy"] for foes, row in frames.items()},
+                **self._joint(predictor, self._moments),
+            }
+        return found
+
+    def _drivers(self, runs: Mapping[str, Path]) -> dict[str, Any]:
+        """Per variant: driving alone among recorded vehicles, predicting all, and how steadily that was learned.
+
+        All are measured with the checkpoint that predicted best, so `last` [m] says what choosing it was worth: the
+        error of the last one, beside the `best`, as the training saw them (root of the mean square over 2 to 10 s).
+        """
+        policies = {"PPO alone, without GAIL": self.job.run_of(f"ppo_{self.job.options.seeds[0]}") / "ppo.policy"}
+        policies |= {name: run / "gail.policy" for name, run in runs.items()}
+        found = {}
+        for name, path in policies.items():
+            policy = PolicyFile.read(path)
+            alone = replay_error(driving_network(policy), self._scenes, "development")
+            predicted = _predicted(path.parent / METRICS)
+            checkpoints = {"best": min(predicted), "last": predicted[-1]} if predicted else None
+            found[name] = {
+                "alone": dataclasses.asdict(alone),
+                "checkpoints": checkpoints,
+                **self._joint(Predictor(policy, name), self._moments),
+            }
+        return found
+
+    def _leads(self) -> dict[str, Any]:
+        """With whom to follow changed, in predictions; no driver has been trained with it."""
+        policy = PolicyFile.read(self.job.policy("gail"))
+        forecasters: tuple[Forecaster, ...] = (
+            Predictor(policy, IN_CORE),
+            TorchForecaster(IN_TORCH, policy, TorchPredictor),
+            TorchForecaster(ACROSS, policy, AcrossPredictor),
+        )
+        moments = thinned(contested(self._moments), LEAD_MOMENTS)  # torch operations are slow
+        return {one.name: self._joint(one, moments) for one in forecasters}
+
+    def _joint(self, forecaster: Forecaster, moments: Sequence[Start]) -> dict[str, Any]:
+        """Errors after 10 s of vehicles recorded at the start and then, and how often crossing orders are right."""
+        order = order_results([forecaster], moments)["recorded"]["models"][forecaster.name]
+        at_10s = horizon_results({forecaster.name: errors(forecaster, moments)})["at_10s"][forecaster.name]
+        return {"order": order["accuracy"], **at_10s}
+
+    @cached_property
+    def _scenes(self) -> Scenes:
+        return Scenes.load(self.job.scenes)
+
+    @cached_property
+    def _moments(self) -> list[Start]:
+        return starts(self._scenes.select("development"))[0]
+
+
+def _predicted(metrics: Path) -> list[float]:
+    """The error of the prediction at each checkpoint of a training [m]; none, if it did not look."""
+    rows = map(json.loads, metrics.read_text(encoding="utf-8").splitlines())
+    return [row["predicted"] for row in rows if "predicted" in row]
+
+
+def ablate(options: Options) -> None:
+    """Does what is not done yet, and prints the tables.
+
+    Raises:
+        StageFailedError, ValueError, OSError: as of `Trainings.run`.
+    """
+    job = Job(options)
+    Trainings(job).run()
+    Ablations(job).run()
+    print(table(json.loads((options.out / "ablations.json").read_text(encoding="utf-8"))))
+
+
+def main(options: Options) -> int:
+    """Does what is not done yet; returns the exit status."""
+    torch.set_num_threads(1)  # such small networks gain nothing from more
+    return exit_status_of(lambda: ablate(options))
+
+
+def table(results: Mapping[str, Any]) -> str:
+    """All tables as Markdown."""
+    return "\n\n".join((gap_table(results["gap"]), gail_table(results["gail"]), lead_table(results["lead"])))
+
+
+def gap_table(rows: Mapping[str, Any]) -> str:
+    """Markdown of the gap networks."""
+    lines = ["| gap network | frames right, recorded [%] | all [%] | crossing order right [%] | RMSE [m] | MAD [m] |"]
+    lines.append("|---" * 6 + "|")
+    for name, row in rows.items():
+        frames = [f"{100.0 * row['frames'][foes]:.1f}" for foes in ("recorded", "all")]
+        order = _percent(row["order"])
+        cells = [*frames, order, *(_metres(row[key]) for key in ("distance_rmse", "distance_mad"))]
+        lines.append(f"| {name} | {' | '.join(cells)} |")
+    return "\n".join(lines)
+
+
+def gail_table(rows: Mapping[str, Any]) -> str:
+    """Markdown of the drivers."""
+    heads = (
+        "driver",
+        "alone: RMSE [m]",
+        "MAD [m]",
+        "collided [%]",
+        "line run [%]",
+        "all predicted: RMSE [m]",
+        "MAD [m]",
+        "best, last checkpoint [m]",
+    )
+    lines = [f"| {' | '.join(heads)} |", "|---" * len(heads) + "|"]
+    for name, row in rows.items():
+        alone = row["alone"]
+        cells = [f"{alone['rmse']:.1f}", f"{alone['mad']:.1f}"]
+        cells += [f"{100.0 * alone[key]:.1f}" for key in ("collisions", "line_runs")]
+        cells += [_metres(row[key]) for key in ("distance_rmse", "distance_mad")]
+        seen = row["checkpoints"]
+        cells.append("" if seen is None else f"{seen['best']:.1f}, {seen['last']:.1f}")
+        lines.append(f"| {name} | {' | '.join(cells)} |")
+    return "\n".join(lines)
+
+
+def lead_table(rows: Mapping[str, Any]) -> str:
+    """Markdown of who leads."""
+    lines = ["| whom to follow | crossing order right [%] | RMSE [m] | MAD [m] |", "|---" * 4 + "|"]
+    for name, row in rows.items():
+        cells = (_percent(row["order"]), *(_metres(row[key]) for key in ("distance_rmse", "distance_mad")))
+        lines.append(f"| {name} | {' | '.join(cells)} |")
+    return "\n".join(lines)
+
+
+def _metres(found: Mapping[str, float]) -> str:
+    return f"{found['value']:.1f} [{found['low']:.1f}, {found['high']:.1f}]"
+
+
+def _percent(found: Mapping[str, float]) -> str:
+    return f"{100.0 * found['value']:.1f} [{100.0 * found['low']:.1f}, {100.0 * found['high']:.1f}]"
+
+
+if __name__ == "__main__":
+    sys.exit(main(tyro.cli(Options)))

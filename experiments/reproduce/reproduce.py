@@ -1,0 +1,50 @@
+"""Every table and figure of the paper, from the recordings on: trains, measures, and writes the report.
+
+python -m experiments.reproduce --recordings data/recordings
+python -m experiments.reproduce --only training --ship       what ships in intersection_env/policies
+
+What was done before with the same options is not done again, and a training that was interrupted goes on. The
+validation recordings are read by the last stages alone, for the report.
+"""
+
+from __future__ import annotations
+
+import shutil
+import time
+
+import torch
+
+from experiments.report.report import write_report
+from experiments.reproduce.measurements import Measurements
+from experiments.reproduce.stages import exit_status_of
+from experiments.reproduce.trainings import Trainings
+from experiments.reproduce.workspace import Job, Options
+from intersection_env.prediction.predictor import POLICIES
+
+TRAINED = ("gap", "idm_calibrated", "ppo", "gail")
+"""Policies that ship."""
+
+
+def reproduce(options: Options) -> None:
+    """Does all stages that are not done.
+
+    Raises:
+        StageFailedError, ValueError, OSError: as of `Trainings.run`; or a results file cannot be written.
+    """
+    begin = time.perf_counter()
+    job = Job(options)
+    Trainings(job).run()
+    if options.ship:
+        for name in TRAINED:
+            shutil.copyfile(job.policy(name), POLICIES / f"{name}.policy")
+        print(f"written: {', '.join(TRAINED)} in {POLICIES}")
+    if options.only == "everything":
+        Measurements(job).run()
+        write_report(options.out)
+    print(f"done in {(time.perf_counter() - begin) / 60.0:.0f} min")
+
+
+def main(options: Options) -> int:
+    """Does all stages that are not done; returns the exit status."""
+    torch.set_num_threads(1)  # such small networks gain nothing from more
+    return exit_status_of(lambda: reproduce(options))

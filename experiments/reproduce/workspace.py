@@ -1,0 +1,88 @@
+"""What the stages of `make reproduce` share: options, where things lie, and what was done."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any, Literal
+
+from experiments.reproduce.stages import Stages
+
+
+@dataclass(frozen=True)
+class Options:
+    """Every table and figure of the paper, re-run."""
+
+    recordings: Path = Path("data/recordings")
+    """The folder of the recordings, in inD's format."""
+    map: str = "bendplatz"
+    """A shipped map's name."""
+    seeds: tuple[int, ...] = (0, 1, 2)
+    """Of the drivers' trainings; the one with the least error on development is the policy that is reported."""
+    work: Path = Path("out/reproduce")
+    """The folder for scenes, runs and policies."""
+    out: Path = Path("experiments/results")
+    """The folder of the results and the report."""
+    only: Literal["everything", "training"] = "everything"
+    """Training alone, or all of it."""
+    ship: bool = False
+    """Copy the policies into the package."""
+    effort: float = 1.0
+    """Share of the epochs of each training; less is for trying this out."""
+    scenes_timed: int = 2000
+    """Random scenes for each number of vehicles, in the runtime figure."""
+
+
+class Job:
+    """The stages done so far, with what each needs of those before it; the first one is "scenes".
+
+    Raises:
+        ValueError: no seeds, no effort or no scenes to time.
+    """
+
+    def __init__(self, options: Options) -> None:
+        if not options.seeds:
+            raise ValueError("--seeds names no seed; wanted at least one")
+        if not options.effort > 0.0:
+            raise ValueError(f"--effort is {options.effort:g}; wanted more than 0")
+        if options.scenes_timed < 1:
+            raise ValueError(f"--scenes-timed is {options.scenes_timed}; wanted at least 1")
+        self.options = options
+        self.stages = Stages(options.work)
+        self.keys: dict[str, str] = {}
+        self.names: list[str] = []
+
+    def policy(self, name: str) -> Path:
+        """Where a trained policy lies."""
+        return self.options.work / "policies" / f"{name}.policy"
+
+    @property
+    def scenes(self) -> Path:
+        """The scenes file."""
+        return self.options.work / "scenes.npz"
+
+    def run_of(self, name: str) -> Path:
+        """Where a training keeps what it needs to go on; a folder apart for other scenes, or another effort.
+
+        A training cannot go on with those. With more seeds it can, so these are no part of it.
+        """
+        decisive = json.dumps([self.keys["scenes"], self.options.effort])
+        return self.options.work / "runs" / hashlib.sha256(decisive.encode()).hexdigest()[:8] / name
+
+    def stage(self, name: str, after: Sequence[str], output: Path, work: Callable[[], None], **inputs: Any) -> None:
+        """A stage that depends on earlier ones, and on `inputs`."""
+        needs = {
+            "version": version("intersection_env"),
+            "inputs": inputs,
+            "after": {one: self.keys[one] for one in after},
+        }
+        self.keys[name] = self.stages.run(name, needs, output, work)
+        self.names.append(name)
+
+    def seconds(self) -> dict[str, float]:
+        """What each stage took [s], the last time it was done."""
+        return self.stages.seconds(self.names)

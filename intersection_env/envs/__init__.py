@@ -1,0 +1,1 @@
+"""The two environments: closed loop (PettingZoo) and replay (Gymnasium)."""

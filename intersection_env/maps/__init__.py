@@ -1,0 +1,1 @@
+"""Intersections: map sources, their compilation, the compiled map."""

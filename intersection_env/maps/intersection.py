@@ -1,0 +1,158 @@
+"""An intersection: its routes, and how they meet."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from intersection_env import _core
+
+MAPS = Path(__file__).parent
+
+
+@dataclass(frozen=True)
+class Route:
+    """A way from one arm to another; all lengths are arc lengths of its centreline [m]."""
+
+    index: int
+    id: str
+    length: float
+    stop_line: float
+    stop_lane: int
+    """Routes with equal index queue in one lane before their stop lines."""
+    junction: tuple[float, float]
+    """Where the approach ends and where the exit lane begins."""
+    first_conflict: float
+    samples: NDArray[np.float32]
+    """(sample, 11): x, y [m], heading [rad, unwrapped], lane width [m], v_max [m/s], relative heading at the
+    six offsets [rad]; one sample every `Intersection.spacing`."""
+
+
+class Conflict(NamedTuple):
+    """Route `yielder` gives way to route `prioritized`; intervals of arc length on each [m].
+
+    The yielder is guaranteed to arrive (PGA) once its rear bumper reaches the end of its interval.
+    """
+
+    yielder: int
+    prioritized: int
+    merging: bool
+    on_yielder: tuple[float, float]
+    on_prioritized: tuple[float, float]
+
+
+class SharedLane(NamedTuple):
+    """Where vehicles of routes a and b follow each other [m].
+
+    Before `split` at equal arc lengths; beyond `merge_a` on a and `merge_b` on b with
+    position_b = position_a + offset.
+    """
+
+    a: int
+    b: int
+    split: float
+    merge_a: float
+    merge_b: float
+    offset: float
+
+
+class Intersection:
+    """A compiled map. Equal maps have equal checksums.
+
+    Attributes:
+        name: the map's name.
+        locations: inD location ids whose recordings lie on this map.
+        checksum: of the compiled map, eight hex digits.
+        spacing: grid of the routes' samples [m].
+        routes: in the order of their indices.
+        core: the map as the core holds it.
+    """
+
+    def __init__(self, text: str, where: str) -> None:
+        """Reads the text of a compiled map; `where` names it in errors (use `load` for files)."""
+        self._text, self._where = text, where
+        self.core = _core.Map(text, where)
+        self.name: str = self.core.name
+        self.locations: tuple[int, ...] = tuple(self.core.locations)
+        self.checksum = f"{self.core.checksum:08x}"
+        self.spacing: float = self.core.spacing
+        self.routes = tuple(self._route(index) for index in range(len(self.core.routes)))
+
+    @classmethod
+    def load(cls, name_or_path: str | Path) -> Intersection:
+        """A map that ships (`"bendplatz"`, `"t_junction"`), a compiled map (`.map`) or a map source (`.json`).
+
+        Raises:
+            ValueError: no map of that name ships, or the file is damaged or contradicts itself.
+            OSError: the file cannot be read.
+        """
+        path = Path(name_or_path)
+        if path.suffix == ".json":
+            from intersection_env.maps.compiler import compile_file
+
+            return cls(compile_file(path), str(path))
+        if path.suffix != ".map":
+            shipped = sorted(file.stem for file in MAPS.glob("*.map"))
+            if str(name_or_path) not in shipped:
+                raise ValueError(
+                    f'no map "{name_or_path}" ships (there are {", ".join(shipped)});'
+                    " a file must end in .map (compiled) or .json (source)"
+                )
+            path = MAPS / f"{name_or_path}.map"
+        try:
+            return cls(path.read_text(encoding="utf-8"), str(path))
+        except UnicodeDecodeError as error:
+            raise ValueError(f"{path}: is not text: {error}") from None
+
+    def route_index(self, route_id: str) -> int:
+        """The index of a route, by its id.
+
+        Raises:
+            ValueError: the map has no such route.
+        """
+        for route in self.routes:
+            if route.id == route_id:
+                return route.index
+        raise ValueError(
+            f'{self.name} has no route "{route_id}"; its routes are {", ".join(route.id for route in self.routes)}'
+        )
+
+    def sample(self, route: int, position: NDArray[np.float32]) -> NDArray[np.float32]:
+        """The columns of `Route.samples` at arc lengths `position` (n,), interpolated: (n, 11)."""
+        return self.core.sample(route, position)
+
+    @cached_property
+    def conflicts(self) -> tuple[Conflict, ...]:
+        """All pairs of routes from different lanes whose swept areas overlap."""
+        return tuple(Conflict(y, p, m, (a, b), (c, d)) for y, p, m, a, b, c, d in self.core.conflicts)
+
+    @cached_property
+    def shared_lanes(self) -> tuple[SharedLane, ...]:
+        """All pairs of routes that share a lane, a < b."""
+        return tuple(SharedLane(*row) for row in self.core.shared_lanes)
+
+    def _route(self, index: int) -> Route:
+        core = self.core.routes[index]
+        grid = np.float32(self.spacing) * np.arange(core.sample_count, dtype=np.float32)
+        samples = self.core.sample(index, grid)
+        samples.setflags(write=False)
+        return Route(
+            index, core.id, core.length, core.stop_line, core.stop_lane, core.junction, core.first_conflict, samples
+        )
+
+    def __repr__(self) -> str:
+        return f"Intersection({self.name!r}, {len(self.routes)} routes, checksum {self.checksum})"
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Intersection) and self.checksum == other.checksum
+
+    def __hash__(self) -> int:
+        return hash(self.checksum)
+
+    def __reduce__(self) -> tuple[type[Intersection], tuple[str, str]]:
+        return Intersection, (self._text, self._where)

@@ -1,0 +1,1 @@
+"""Policies: the policy file, and those that ship."""

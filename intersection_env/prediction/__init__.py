@@ -1,0 +1,1 @@
+"""Traffic and priorities to predictions; crossing orders, enumerated and ranked."""

@@ -1,0 +1,119 @@
+"""Crossing orders: enumerated, predicted and ranked by the time they save."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from intersection_env import _core
+from intersection_env.prediction.predictor import Predictor
+from intersection_env.traffic import Traffic
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+WORTHWHILE_GAIN: float = _core.WORTHWHILE_GAIN  # [s]
+LIMIT: int = _core.MOST_MANEUVERS
+COUNT_LIMIT: int = _core.MOST_COUNTED
+BATCH = 1024
+
+
+def crossing_orders(
+    traffic: Traffic,
+    cooperative: Collection[str] | None = None,
+    *,
+    preferred: NDArray[np.int8] | None = None,
+    batch: int = BATCH,
+) -> Iterator[NDArray[np.int8]]:
+    """Streams every feasible crossing order, as int8 (order, pair) in batches.
+
+    Args:
+        traffic: the vehicles now.
+        cooperative: ids of vehicles that take instructions; only pairs of two of them are ordered, the others
+            stay 0 (left to the gap decision) unless they follow from those under the lane order. None: all.
+        preferred: (pair,) an order near which to begin.
+        batch: orders a batch, at most.
+
+    Raises:
+        TypeError: `cooperative` is one id, or `preferred` no int8.
+        ValueError: an unknown vehicle, a batch below 1, or a `preferred` of another shape.
+    """
+    if batch < 1:
+        raise ValueError(f"batch must be at least 1, not {batch}")
+    search = _search(traffic, cooperative, preferred)
+    while len(orders := search.next(batch)):
+        yield orders
+
+
+def rank_maneuvers(
+    predictor: Predictor,
+    traffic: Traffic,
+    cooperative: Collection[str] | None = None,
+    *,
+    limit: int | None = LIMIT,
+) -> pd.DataFrame:
+    """Predicts every crossing order and ranks them: safe ones first, then by the total time loss.
+
+    Args:
+        predictor: who drives.
+        traffic: the vehicles now.
+        cooperative: as in `crossing_orders`.
+        limit: predict at most so many orders, beginning with those that keep the order of no intervention
+            among most pairs; None: all, however many. How many were left out stands in `attrs["left_out"]`
+            (counted up to 20,000).
+
+    Returns:
+        One row an order and one for no intervention: `order` (in words), `total_time_loss`, `worst_time_loss`
+        (of any vehicle) and `gain` against no intervention [s], `worth_executing` (safe, and a gain above 2 s),
+        `minimum_distance` [m], `safe` (at least 0.5 m), `intervention` (bool), `priorities` ((pair,) int8,
+        as `Predictor.predict` takes them; `Traffic.words` names them).
+
+    Raises:
+        TypeError: `cooperative` is one id, not a collection of them.
+        ValueError: an unknown vehicle, or a limit below 1.
+    """
+    import pandas as pd
+
+    if limit is not None and limit < 1:
+        raise ValueError(f"limit must be at least 1, not {limit}")
+    columns, left_out = _core.rank_maneuvers(
+        predictor.bound_to(traffic.intersection), traffic.core, _flags(traffic, cooperative), limit
+    )
+    priorities = columns.pop("priorities")
+    order = np.array(in_words(traffic, priorities), dtype=object)
+    order[~columns["intervention"]] = "no intervention"
+    table = pd.DataFrame({"order": order, **columns, "priorities": list(priorities)})
+    table.attrs["left_out"] = left_out
+    return table
+
+
+def _flags(traffic: Traffic, cooperative: Collection[str] | None) -> NDArray[np.uint8]:
+    if isinstance(cooperative, str):
+        raise TypeError(f'cooperative must be a collection of vehicle ids, not the one id "{cooperative}"')
+    flags = np.full(len(traffic), cooperative is None, np.uint8)
+    for vehicle_id in cooperative or ():
+        flags[traffic.index(vehicle_id)] = 1
+    return flags
+
+
+def _search(traffic: Traffic, cooperative: Collection[str] | None, preferred: NDArray[np.int8] | None) -> _core.Orders:
+    flags = _flags(traffic, cooperative)
+    if preferred is None:
+        preferred = np.full(len(traffic.conflicts), -1, np.int8)
+    if preferred.dtype != np.int8:
+        raise TypeError(f"preferred must be int8, not {preferred.dtype}")
+    if preferred.shape != (len(traffic.conflicts),):
+        raise ValueError(f"preferred must have shape ({len(traffic.conflicts)},), not {preferred.shape}")
+    preferred = np.ascontiguousarray(preferred)
+    return _core.Orders(traffic.intersection.core, traffic.core, flags, preferred)
+
+
+def in_words(traffic: Traffic, orders: NDArray[np.int8]) -> list[str]:
+    """Orders (order, pair) as sequences of vehicles, "07/15, 07/12, 07/31": each before those that follow.
+
+    Among vehicles that need not wait for each other, the one nearer to its stop line comes first.
+    """
+    return _core.in_words(traffic.intersection.core, traffic.core, list(traffic.ids), orders)

@@ -1,0 +1,205 @@
+"""Predicts the next 10 s of a traffic, for one priority assignment or for thousands."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal, overload
+
+import numpy as np
+from numpy.typing import NDArray
+
+from intersection_env import _core
+from intersection_env.arguments import whole_number
+from intersection_env.maps.intersection import Intersection
+from intersection_env.policies.file import DT as DT
+from intersection_env.policies.file import PolicyFile
+from intersection_env.traffic import Traffic, naming
+
+STEPS: int = _core.STEPS
+RULES = ("idm", "constant_velocity")
+POLICIES = Path(__file__).parents[1] / "policies"
+
+Priorities = Sequence[tuple[str, str]] | NDArray[np.int8]
+
+
+@dataclass(frozen=True, eq=False)
+class Summary:
+    """What planners compare.
+
+    time_loss: (scenario, vehicle) over the horizon [s]; paper, Eq. (5).
+    minimum_distance: (scenario,) smallest distance over time between any two vehicles that can touch [m],
+        infinite where none can.
+    """
+
+    traffic: Traffic
+    time_loss: NDArray[np.float32]
+    minimum_distance: NDArray[np.float32]
+
+
+@dataclass(frozen=True, eq=False)
+class Prediction:
+    """Trajectories and their summary.
+
+    time: (51,) [s], from now.
+    position, speed: (scenario, time, vehicle) [m], [m/s]; along each vehicle's own route.
+    acceleration: (scenario, time, vehicle) [m/s²], over the step that begins there; the last entry repeats.
+    enters: (scenario, time, vehicle) bool, the gap decision of that step.
+    present: (scenario, time, vehicle) bool, not yet at its route's end; the other values stay as they were there.
+    time_loss, minimum_distance: as in `Summary`.
+    """
+
+    traffic: Traffic
+    time: NDArray[np.float32]
+    position: NDArray[np.float32]
+    speed: NDArray[np.float32]
+    acceleration: NDArray[np.float32]
+    enters: NDArray[np.bool_]
+    present: NDArray[np.bool_]
+    time_loss: NDArray[np.float32]
+    minimum_distance: NDArray[np.float32]
+
+
+@dataclass(frozen=True, eq=False)
+class Observation:
+    """What the networks see at one moment; paper, Table I.
+
+    driving: (vehicle, 12) distance to the stop line [m], speed, v_max [m/s], relative heading at -10, -3, 3, 10,
+        30 and 100 m [rad], distance to the lead [m] and its speed [m/s], gap decision (0 or 1).
+    gap: (pair, 4) over `traffic.conflicts`: the yielder's distance to the point of guaranteed arrival [m] and speed
+        [m/s], the other's distance to its stop line [m] and speed [m/s].
+    accepts: (pair,) bool, whether the policy accepts the gap.
+    """
+
+    driving: NDArray[np.float32]
+    gap: NDArray[np.float32]
+    accepts: NDArray[np.bool_]
+
+
+class Predictor:
+    """A policy that predicts traffic on any map."""
+
+    def __init__(self, policy: PolicyFile, name: str, threads: int = 1) -> None:
+        """A predictor by this policy (`load` knows those that ship, and says what `threads` do)."""
+        self.name = name
+        self.policy = policy
+        self.threads = whole_number("threads", threads)
+        if not 0 <= threads <= _core.MOST_THREADS:
+            raise ValueError(f"threads must be from 0, one a core, to {_core.MOST_THREADS}, not {threads}")
+        self._policy = _core.Policy(policy.text(), name)
+        self._bound: dict[str, _core.Predictor] = {}
+
+    @classmethod
+    def load(cls, policy: str | Path = "gail", *, gap: str | None = None, threads: int = 1) -> Predictor:
+        """A policy that ships, a rule (`"idm"`, `"constant_velocity"`) or a policy file (`.policy`).
+
+        All that ship were trained on the simulated recordings, and a network decides about gaps. Who drives: in
+        `"gail"` a network that learned to drive like the recorded ones, in `"ppo"` the one that it began as, which
+        learned by reward in the closed loop; in `"gap"` the IDM with the paper's parameters, in `"idm_calibrated"` with
+        those that fit the recordings.
+
+        Args:
+            policy: a name or a path.
+            gap: for rules only, who accepts a gap: `"critical_gap"` (default; 6 s crossing, 4 s merging) or `"sumo"`.
+            threads: how many share the scenarios of a large batch, 0: one a core. They do not change what comes out.
+                They help one caller at a time; whoever predicts meanwhile, in another thread, works alone.
+
+        Raises:
+            TypeError: threads that are no whole number.
+            ValueError: an unknown name, a policy file that is damaged or made for something else, a `gap` for a
+                policy that brings its own, or threads below 0 or too many.
+            OSError: the file cannot be read.
+        """
+        if str(policy) in RULES:
+            if gap == "network":
+                raise ValueError(f'"{policy}" has no gap network; gap must be "critical_gap" or "sumo"')
+            return cls(PolicyFile(gap or "critical_gap", str(policy)), str(policy), threads)
+        if gap is not None:
+            raise ValueError(f'gap belongs to the rules {", ".join(RULES)}; the policy "{policy}" brings its own')
+        path = Path(policy)
+        if path.suffix != ".policy":
+            shipped = sorted(file.stem for file in POLICIES.glob("*.policy"))
+            if str(policy) not in shipped:
+                names = ", ".join((*shipped, *RULES))
+                raise ValueError(f'no policy "{policy}": the names are {names}, and files end in .policy')
+            path = POLICIES / f"{policy}.policy"
+        return cls(PolicyFile.read(path), path.stem, threads)
+
+    @overload
+    def predict(
+        self, traffic: Traffic, priorities: Priorities | None = None, *, trajectories: Literal[True] = True
+    ) -> Prediction: ...
+    @overload
+    def predict(
+        self, traffic: Traffic, priorities: Priorities | None = None, *, trajectories: Literal[False]
+    ) -> Summary: ...
+
+    def predict(
+        self, traffic: Traffic, priorities: Priorities | None = None, *, trajectories: bool = True
+    ) -> Prediction | Summary:
+        """The next 10 s.
+
+        Args:
+            traffic: the vehicles now.
+            priorities: None (one scenario, no intervention); or (first, second) vehicle ids (one scenario); or
+                int8 (scenario, pair), or (pair,) for one scenario, over `traffic.conflicts`: +1 yielder first,
+                -1 prioritized first, 0 left to the gap decision. What they imply under the lane order is added.
+            trajectories: False returns the `Summary` alone, faster.
+
+        Raises:
+            TypeError: priorities of another dtype.
+            ValueError: an unknown vehicle, a pair that does not conflict, or an assignment that contradicts
+                itself, the lane order, or what a vehicle can still do.
+        """
+        assignments = as_assignments(traffic, priorities)
+        with naming(traffic.ids):
+            results = self.bound_to(traffic.intersection).predict(traffic.core, assignments, trajectories, True)
+        position, speed, acceleration, enters, present, time_loss, minimum_distance = results
+        if not trajectories:
+            return Summary(traffic, time_loss, minimum_distance)
+        time = np.arange(STEPS + 1, dtype=np.float32) * np.float32(DT)
+        flags = enters.view(np.bool_), present.view(np.bool_)
+        return Prediction(traffic, time, position, speed, acceleration, *flags, time_loss, minimum_distance)
+
+    def observe(self, traffic: Traffic) -> Observation:
+        """What every vehicle sees and decides at this moment, without intervention."""
+        driving, gap, accepts = self.bound_to(traffic.intersection).observe(traffic.core)
+        return Observation(driving, gap, accepts.view(np.bool_))
+
+    def bound_to(self, intersection: Intersection) -> _core.Predictor:
+        """The core's predictor on this map, kept for the next time."""
+        bound = self._bound.get(intersection.checksum)
+        if bound is None:
+            bound = self._bound[intersection.checksum] = _core.Predictor(intersection.core, self._policy, self.threads)
+        return bound
+
+    def __repr__(self) -> str:
+        return f"Predictor({self.name!r})"
+
+    def __reduce__(self) -> tuple[type[Predictor], tuple[PolicyFile, str, int]]:
+        return Predictor, (self.policy, self.name, self.threads)
+
+
+def as_assignments(traffic: Traffic, priorities: Priorities | None) -> NDArray[np.int8]:
+    """Priorities in any of their forms as int8 (scenario, pair).
+
+    Raises:
+        TypeError, ValueError: as in `Predictor.predict`.
+    """
+    if priorities is None:
+        return np.zeros((1, len(traffic.conflicts)), np.int8)
+    if not isinstance(priorities, np.ndarray):
+        return traffic.assign(priorities)[None]
+    if priorities.dtype != np.int8:
+        raise TypeError(f"priorities must be int8, not {priorities.dtype}")
+    if priorities.ndim == 1:
+        priorities = priorities[None]
+    if priorities.ndim != 2 or priorities.shape[1] != len(traffic.conflicts):
+        raise ValueError(
+            f"priorities must have shape (scenario, {len(traffic.conflicts)}), one column a conflict,"
+            f" not {priorities.shape}"
+        )
+    if ((priorities < -1) | (priorities > 1)).any():
+        raise ValueError("priorities must be +1 (yielder first), -1 (prioritized first) or 0")
+    return np.ascontiguousarray(priorities)

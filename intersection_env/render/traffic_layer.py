@@ -1,0 +1,173 @@
+"""What moves in a picture of traffic: vehicles, recorded ones, and who waits for whom. Needs pygame."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pygame
+from numpy.typing import NDArray
+
+from intersection_env.maps.intersection import Intersection
+from intersection_env.render.camera import Camera
+from intersection_env.render.ink import (
+    DIM,
+    HELD,
+    INK,
+    SECOND,
+    SHRINK,
+    SPEEDS,
+    WAITING,
+    Lettering,
+    Shape,
+    draw_arrows,
+    paint,
+)
+from intersection_env.render.road_layer import MARGIN
+
+if TYPE_CHECKING:
+    from intersection_env.render.renderer import Ghosts, Moment
+
+BODY = np.array([(-1, -1), (1, -1), (1, -1), (1, 1), (1, 1), (-1, 1), (-1, 1), (-1, -1)], dtype=np.float64)
+CUT = np.array(
+    [(0.12, 0.0), (-0.45, 0.0), (0.0, 0.32), (0.0, -0.32), (-0.45, 0.0), (0.12, 0.0), (0.0, -0.12), (0.0, 0.12)]
+)
+"""A body's eight corners from its centre: `BODY` half lengths and widths, and `CUT` metres."""
+GLASS = np.array([(0.24, 0.82), (0.42, 0.66), (0.42, -0.66), (0.24, -0.82)])
+"""A windscreen's corners: shares of a car's length behind the front, of half the width to the left."""
+GLASS_CAR = 5.0  # [m], length beyond which a windscreen stays where it is
+EDGE = 0.8  # [nominal pixel], a body's outline
+LEAST_INSIDE = 0.65  # share of a body's length and width that its outline leaves to its colour
+BAR_GAP, BAR_DEPTH = 0.35, 0.55  # [m], of the bar before a vehicle that is held
+RING, RING_WIDTH = 0.55, 0.3  # [m], between the acting vehicle and the ring around it, and that ring's width
+LABEL_GAP = 2.3  # [m] from a body to the middle of its label
+CLEAR = 0.4  # [m] between an arrow's tip and the vehicle it points to
+
+
+@dataclass(frozen=True, eq=False)
+class Bodies:
+    """Where the bodies of some vehicles lie: all (vehicle, 2).
+
+    centre: [m]; forward, left: unit vectors; half: half their lengths and widths [m].
+    """
+
+    centre: NDArray[np.float64]
+    forward: NDArray[np.float64]
+    left: NDArray[np.float64]
+    half: NDArray[np.float64]
+
+    @classmethod
+    def of(cls, intersection: Intersection, vehicles: Moment | Ghosts) -> Bodies:
+        """The bodies of these vehicles."""
+        positions = zip(vehicles.route.tolist(), vehicles.position[:, None], strict=True)
+        poses = [intersection.sample(route, position)[0, :3] for route, position in positions]
+        table = np.array(poses, dtype=np.float64).reshape(-1, 3)
+        forward = np.stack([np.cos(table[:, 2]), np.sin(table[:, 2])], axis=1)
+        left = np.stack([-forward[:, 1], forward[:, 0]], axis=1)
+        half = 0.5 * np.stack([vehicles.length, vehicles.width], axis=1).astype(np.float64)
+        return cls(table[:, :2], forward, left, half)
+
+    def one(self, index: int) -> Bodies:
+        """One of the bodies alone."""
+        which = slice(index, index + 1)
+        return Bodies(self.centre[which], self.forward[which], self.left[which], self.half[which])
+
+    def __len__(self) -> int:
+        return len(self.centre)
+
+    def outlines(self, wider: float) -> NDArray[np.float64]:
+        """The corners of all bodies, so much wider on each side [m]: (vehicle, 8, 2) [m]."""
+        half = np.maximum(self.half + wider, LEAST_INSIDE * self.half)
+        return self.place(half[:, None] * BODY + np.minimum(1.0, half[:, None, 1:]) * CUT)
+
+    def place(self, local: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Points given by metres ahead of and to the left of each centre: (vehicle, point, 2) [m]."""
+        turned = local[..., :1] * self.forward[:, None] + local[..., 1:] * self.left[:, None]
+        return np.asarray(self.centre[:, None] + turned)
+
+    def glass(self) -> NDArray[np.float64]:
+        """The corners of all windscreens: (vehicle, 4, 2) [m]."""
+        car = np.minimum(2.0 * self.half[:, :1], GLASS_CAR)
+        ahead, aside = self.half[:, :1] - car * GLASS[:, 0], self.half[:, 1:] * GLASS[:, 1]
+        return self.place(np.stack([ahead, aside], axis=2))
+
+    def bars(self, depth: float) -> NDArray[np.float64]:
+        """The corners of bars before all fronts: (vehicle, 4, 2) [m]."""
+        near = self.half[:, :1] + BAR_GAP
+        ahead = np.concatenate([near, near + depth, near + depth, near], axis=1)
+        return self.place(np.stack([ahead, self.half[:, 1:] * (1.0, 1.0, -1.0, -1.0)], axis=2))
+
+    def fronts(self, ahead: float) -> NDArray[np.float64]:
+        """The points so far ahead of the bodies [m]: (vehicle, 2) [m]."""
+        return np.asarray(self.centre + (self.half[:, :1] + ahead) * self.forward)
+
+    def borders(self, which: NDArray[np.integer], points: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Where the ways from points (n, 2) to the centres of bodies `which` meet their borders, or a little before."""
+        way = points - self.centre[which]
+        ahead = np.abs((way * self.forward[which]).sum(axis=1))
+        aside = np.abs((way * self.left[which]).sum(axis=1))
+        half = self.half[which]
+        inside = np.minimum(half[:, 0] / np.maximum(ahead, 1e-6), half[:, 1] / np.maximum(aside, 1e-6))
+        share = np.minimum(1.0, inside + CLEAR / np.maximum(np.hypot(ahead, aside), 1e-6))
+        return np.asarray(self.centre[which] + share[:, None] * way)
+
+
+def draw_moment(
+    surface: pygame.Surface, intersection: Intersection, camera: Camera, moment: Moment, lettering: Lettering
+) -> None:
+    """Draws what moves onto the road."""
+    if moment.ghosts is not None:
+        _draw_ghosts(surface, camera, Bodies.of(intersection, moment.ghosts))
+    bodies = Bodies.of(intersection, moment)
+    for pairs, style in ((moment.waits_for, WAITING), (moment.assigned, SECOND)):
+        if len(pairs):
+            tails = bodies.fronts(BAR_GAP + BAR_DEPTH)[pairs[:, 0]]
+            tips = bodies.borders(pairs[:, 1], tails)
+            draw_arrows(surface, camera.pixels(tails), camera.pixels(tips), style, camera.stroke)
+    if moment.highlight is not None:
+        _draw_ring(surface, camera, bodies.one(moment.highlight))
+    if len(bodies):
+        _draw_bodies(surface, camera, bodies, moment)
+    if camera.has_letters:
+        _draw_letters(surface, camera, bodies, moment, lettering)
+
+
+def _draw_bodies(surface: pygame.Surface, camera: Camera, bodies: Bodies, moment: Moment) -> None:
+    pixel = camera.stroke / camera.scale
+    outer, inner = bodies.outlines(-SHRINK / camera.scale), bodies.outlines(-EDGE * pixel)
+    bars = bodies.bars(max(BAR_DEPTH, 2.0 * pixel))
+    bars[moment.enters] = outer[moment.enters, :4]  # is not painted, and so takes no room
+    share = np.clip(moment.speed / np.maximum(moment.v_max, 0.1), 0.0, 1.0)
+    shapes: list[list[Shape]] = []
+    for enters, shade in zip(moment.enters.tolist(), np.rint(share * (len(SPEEDS) - 1)).tolist(), strict=True):
+        body: list[Shape] = [(0, 8, (*INK, 255)), (8, 16, (*SPEEDS[int(shade)], 255)), (16, 20, (*INK, 255))]
+        shapes.append(body if enters else [*body, (20, 24, (*HELD, 255))])
+    paint(surface, camera.pixels(np.concatenate([outer, inner, bodies.glass(), bars], axis=1)), shapes)
+
+
+def _draw_ring(surface: pygame.Surface, camera: Camera, acting: Bodies) -> None:
+    width = max(RING_WIDTH, 1.4 * camera.stroke / camera.scale)
+    corners = np.concatenate([acting.outlines(RING + width), acting.outlines(RING)], axis=1)
+    paint(surface, camera.pixels(corners), [[(0, 8, (*INK, 255)), (8, 16, (*INK, 0))]])
+
+
+def _draw_ghosts(surface: pygame.Surface, camera: Camera, bodies: Bodies) -> None:
+    if len(bodies):
+        corners = np.concatenate([bodies.outlines(0.0), bodies.outlines(-1.3 * camera.stroke / camera.scale)], axis=1)
+        ghost: list[Shape] = [(0, 8, (*INK, 150)), (8, 16, (*INK, 26))]
+        paint(surface, camera.pixels(corners), [ghost] * len(bodies))
+
+
+def _draw_letters(
+    surface: pygame.Surface, camera: Camera, bodies: Bodies, moment: Moment, lettering: Lettering
+) -> None:
+    unit = camera.letter
+    if moment.labels is not None:
+        aside = bodies.centre - (bodies.half[:, 1:] + LABEL_GAP) * bodies.left
+        for (x, y), label in zip(camera.pixels(aside).tolist(), moment.labels, strict=True):
+            lettering.draw(surface, label, (x, y + 5.0 * unit), DIM, align=0.5)
+    lines = [] if moment.time is None else [(f"{moment.time:.1f} s", INK)]
+    lines += [] if moment.caption is None else [(moment.caption, DIM)]
+    for row, (text, colour) in enumerate(lines):
+        lettering.draw(surface, text, (MARGIN * unit, (MARGIN + 12.0 + 16.0 * row) * unit), colour)

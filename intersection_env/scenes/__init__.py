@@ -1,0 +1,1 @@
+"""Recorded scenes: load, check, slice; those that ship."""

@@ -1,0 +1,1 @@
+"""Batched worlds: many simulated intersections, stepped at once by the core."""

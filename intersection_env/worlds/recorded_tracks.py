@@ -1,0 +1,137 @@
+"""The tracks of recorded scenes as the core's replay reads them, and the way from a scene's and a vehicle's name."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, TypeGuard
+
+import numpy as np
+from numpy.typing import NDArray
+
+from intersection_env.scenes.arrays import pack
+from intersection_env.scenes.scene import Scene, Track
+from intersection_env.scenes.scenes import BICYCLE_MAX_SPEED, Scenes
+
+LEAST_STEPS = 5  # ours: an episode that a reset draws lasts 1 s or more
+
+
+@dataclass(frozen=True, eq=False)
+class RecordedTracks:
+    """All tracks of some scenes, in one row.
+
+    arrays: what the core's replay is given.
+    actors: int32, the tracks that a reset may draw: cars and trucks that are recorded for 1 s or more.
+    scene_id, track_id: (track,) str as objects.
+    """
+
+    scenes: Scenes
+    arrays: dict[str, NDArray[Any]]
+    actors: NDArray[np.int32]
+    scene_id: NDArray[np.object_]
+    track_id: NDArray[np.object_]
+    fastest: float
+    """The highest recorded speed [m/s]."""
+
+    @classmethod
+    def of(cls, scenes: Scenes) -> RecordedTracks:
+        """The tracks of all these scenes.
+
+        Raises:
+            ValueError: none of their vehicles can act.
+        """
+        arrays = pack(scenes.scenes)
+        bicycle = arrays["track_class"] == "bicycle"
+        tracks = [(scene, track) for scene in scenes for track in scene.tracks]
+        actors = [
+            index
+            for index, (_, track) in enumerate(tracks)
+            if steps_to_act(track) >= LEAST_STEPS and not bicycle[index]
+        ]
+        if not actors:
+            others = sum(steps_to_act(track) >= LEAST_STEPS for _, track in tracks)
+            cause = f"{others} are, but they are bicycles" if others else "no bicycle either"
+            raise ValueError(
+                f"none of the {len(tracks)} vehicles in {len(scenes)} scenes is a car or truck that is recorded "
+                f"for 1 s or more ({cause})"
+            )
+        arrays["track_route"] = arrays["track_route"].astype(np.int32)
+        arrays["track_max_speed"] = np.where(bicycle, BICYCLE_MAX_SPEED, np.inf).astype(np.float32)
+        return cls(
+            scenes,
+            arrays,
+            np.array(actors, np.int32),
+            np.array([scene.id for scene, _ in tracks], object),
+            np.array([track.id for _, track in tracks], object),
+            float(arrays["speed"].max()),
+        )
+
+    def present(self, track: int, time: int) -> NDArray[np.intp]:
+        """The tracks that are there at a step of this track's scene."""
+        offsets = self.arrays["scene_tracks"]
+        scene = int(np.searchsorted(offsets, track, side="right")) - 1
+        inside = np.arange(offsets[scene], offsets[scene + 1])
+        start = self.arrays["track_start"][inside]
+        steps = np.diff(self.arrays["track_samples"])[inside]
+        return inside[(start <= time) & (time < start + steps)]
+
+    def choose(self, options: Mapping[str, Any], random: np.random.Generator) -> int:
+        """The index of the track that options `scene` and `vehicle` (ids or numbers) name.
+
+        Without a vehicle, one of the scene's is drawn. A vehicle alone must be an id that only one scene has.
+
+        Raises:
+            ValueError: an option is None, no such scene, no such vehicle in it, a vehicle that cannot act, or one that
+                leaves open which scene is meant.
+        """
+        for name, value in options.items():
+            if value is None:
+                raise ValueError(f'option "{name}" is None; wanted an id or a number, or no such option')
+        vehicle = options.get("vehicle")
+        scene = self._scene(options.get("scene"), vehicle)
+        begin = int(self.arrays["scene_tracks"][scene])
+        if vehicle is not None:
+            return begin + self._in_scene(self.scenes[scene], vehicle)
+        inside = self.actors[(self.actors >= begin) & (self.actors < self.arrays["scene_tracks"][scene + 1])]
+        if not len(inside):
+            raise ValueError(f"no car or truck of scene {self.scenes[scene].id} is recorded for 1 s or more")
+        return int(random.choice(inside))
+
+    def _scene(self, scene: object, vehicle: object) -> int:
+        if scene is None:
+            found = np.unique(self.scene_id[self.track_id == vehicle].astype(str))
+            if not isinstance(vehicle, str) or not len(found):
+                raise ValueError(f'option "vehicle" is {vehicle!r}; without a "scene" it must be the id of a track')
+            if len(found) > 1:
+                raise ValueError(f'vehicle "{vehicle}" is in scenes {", ".join(found)}; name one as option "scene"')
+            scene = str(found[0])
+        ids = [one.id for one in self.scenes]
+        if isinstance(scene, str) and scene in ids:
+            return ids.index(scene)
+        if _is_number(scene) and 0 <= scene < len(ids):
+            return int(scene)
+        raise ValueError(f'option "scene" is {scene!r}; wanted an id, as "{ids[0]}", or a number below {len(ids)}')
+
+    @staticmethod
+    def _in_scene(scene: Scene, vehicle: object) -> int:
+        ids = [track.id for track in scene.tracks]
+        if isinstance(vehicle, str) and vehicle in ids:
+            index = ids.index(vehicle)
+        elif _is_number(vehicle) and 0 <= vehicle < len(ids):
+            index = int(vehicle)
+        else:
+            wanted = f'an id, as "{ids[0]}", or a number below {len(ids)}'
+            raise ValueError(f'option "vehicle" is {vehicle!r}; in scene {scene.id} wanted {wanted}')
+        if steps_to_act(scene.tracks[index]) < 1:
+            raise ValueError(f"vehicle {ids[index]} cannot act: scene {scene.id} has at most one recorded state of it")
+        return index
+
+
+def _is_number(value: object) -> TypeGuard[int | np.integer]:
+    return isinstance(value, int | np.integer) and not isinstance(value, bool)
+
+
+def steps_to_act(track: Track) -> int:
+    """How many steps follow the first recorded state of a track; -1 where there is no recorded one."""
+    recorded = np.flatnonzero(track.observed)
+    return len(track.position) - 1 - int(recorded[0]) if len(recorded) else -1

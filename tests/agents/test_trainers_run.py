@@ -1,0 +1,133 @@
+"""Today's trainers run on the environments as they are."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import gymnasium
+import numpy as np
+import pytest
+import torch
+from stable_baselines3 import PPO
+from stable_baselines3.common.env_checker import check_env
+from torch import nn
+from torchrl.envs import PettingZooWrapper
+from torchrl.envs.utils import check_env_specs
+
+import agents.gap.train
+import intersection_env
+from agents.gap.train import GapSettings
+from tests.support.training import small_scenes
+
+REPLAY = "intersection_env/Replay-v0"
+
+
+def test_stable_baselines_takes_the_replay_without_a_warning() -> None:
+    check_env(gymnasium.make(REPLAY).unwrapped)
+
+
+def test_stable_baselines_ppo_learns_on_the_replay() -> None:
+    torch.set_num_threads(1)
+    model = PPO("MlpPolicy", gymnasium.make(REPLAY), n_steps=512, batch_size=128, n_epochs=2, seed=0, device="cpu")
+    before = [parameter.detach().clone() for parameter in model.policy.parameters()]
+    model.learn(2048)
+    after = list(model.policy.parameters())
+    assert all(torch.isfinite(parameter).all() for parameter in after)
+    assert any((one != other).any() for one, other in zip(before, after, strict=True))
+    assert model.ep_info_buffer, "no episode has ended"
+
+
+class Agent(nn.Module):
+    """CleanRL's continuous actor and critic."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.critic = nn.Sequential(nn.Linear(12, 32), nn.Tanh(), nn.Linear(32, 1))
+        self.actor_mean = nn.Sequential(nn.Linear(12, 32), nn.Tanh(), nn.Linear(32, 1))
+        self.actor_logstd = nn.Parameter(torch.zeros(1, 1))
+
+    def distribution(self, observation: torch.Tensor) -> Any:
+        """Of the action, before it is clipped."""
+        return torch.distributions.Normal(self.actor_mean(observation), self.actor_logstd.exp())
+
+
+@pytest.mark.parametrize("mode", ["vector_entry_point", "sync"])
+def test_a_cleanrl_style_ppo_loop_runs_on_the_replay(mode: str) -> None:
+    """As in ppo_continuous_action.py, with Gymnasium's wrappers for vectors."""
+    torch.manual_seed(0)
+    torch.set_num_threads(1)
+    steps, worlds, gamma, gae = 32, 8, 0.99, 0.95
+    envs = gymnasium.make_vec(REPLAY, num_envs=worlds, vectorization_mode=mode)
+    envs = gymnasium.wrappers.vector.RecordEpisodeStatistics(envs)
+    envs = gymnasium.wrappers.vector.ClipAction(envs)
+    envs = gymnasium.wrappers.vector.NormalizeObservation(envs)
+    agent = Agent()
+    optimizer = torch.optim.Adam(agent.parameters(), lr=3e-4, eps=1e-5)
+    observation = torch.as_tensor(envs.reset(seed=1)[0], dtype=torch.float32)
+    done, episodes, losses = torch.zeros(worlds), 0, []
+    for _ in range(3):
+        rows = []
+        for _ in range(steps):
+            with torch.no_grad():
+                distribution = agent.distribution(observation)
+                action = distribution.sample()
+                value = agent.critic(observation).flatten()
+            following, reward, terminated, truncated, infos = envs.step(action.numpy())
+            rows.append(
+                (observation, action, distribution.log_prob(action).sum(1), value, done, torch.as_tensor(reward))
+            )
+            observation = torch.as_tensor(following, dtype=torch.float32)
+            done = torch.as_tensor(terminated | truncated, dtype=torch.float32)
+            episodes += int(infos["_episode"].sum()) if "_episode" in infos else 0
+        seen, actions, log_probabilities, values, dones, rewards = (
+            torch.stack(column) for column in zip(*rows, strict=True)
+        )
+        advantages, last = torch.zeros(steps, worlds), torch.zeros(worlds)
+        with torch.no_grad():
+            value_next, done_next = agent.critic(observation).flatten(), done
+        for t in reversed(range(steps)):
+            delta = rewards[t].float() + gamma * value_next * (1 - done_next) - values[t]
+            advantages[t] = last = delta + gamma * gae * (1 - done_next) * last
+            value_next, done_next = values[t], dones[t]
+        returns, is_real = (
+            (advantages + values).flatten(),
+            dones.flatten() == 0,
+        )  # next-step autoreset: not after an end
+        for indices in np.random.default_rng(0).permutation(steps * worlds).reshape(-1, 64):
+            chosen = indices[is_real[indices]]
+            own = agent.distribution(seen.flatten(0, 1)[chosen])
+            ratio = (own.log_prob(actions.flatten(0, 1)[chosen]).sum(1) - log_probabilities.flatten()[chosen]).exp()
+            weight = advantages.flatten()[chosen]
+            weight = (weight - weight.mean()) / (weight.std() + 1e-8)
+            policy_loss = -torch.min(weight * ratio, weight * ratio.clamp(0.8, 1.2)).mean()
+            value_loss = 0.5 * (agent.critic(seen.flatten(0, 1)[chosen]).flatten() - returns[chosen]).square().mean()
+            optimizer.zero_grad()
+            loss = policy_loss + 0.5 * value_loss
+            loss.backward()
+            nn.utils.clip_grad_norm_(agent.parameters(), 0.5)
+            optimizer.step()
+            losses.append(loss.item())
+    envs.close()
+    assert np.isfinite(losses).all()
+    assert episodes > 0
+
+
+def test_gap_training_writes_a_policy_that_loads(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    small_scenes("train", "development").save(tmp_path / "scenes.npz")
+    settings = GapSettings(scenes=tmp_path / "scenes.npz", run=tmp_path / "run", epochs=3)
+    assert agents.gap.train.main(settings) == 0
+    path = tmp_path / "run" / "gap.policy"
+    assert f"written: {path}" in capsys.readouterr().out
+    policy = intersection_env.Predictor.load(path).policy
+    assert policy.gap_network is not None
+    assert policy.about["settings"] == settings.decisive()
+
+
+@pytest.mark.filterwarnings("ignore:PettingZoo in TorchRL:UserWarning")  # theirs: they test another version
+def test_torchrl_wraps_the_closed_loop() -> None:
+    wrapped = PettingZooWrapper(intersection_env.parallel_env(), use_mask=True, done_on_any=False)
+    check_env_specs(wrapped)
+    rollout = wrapped.rollout(200, break_when_any_done=False)
+    assert rollout["vehicle", "observation"].shape[1:] == (12, 12)
+    assert rollout["vehicle", "mask"].all(dim=-1).any()

@@ -1,0 +1,137 @@
+"""The core as a C++ package: installed, found, and used by the example planner as documented."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from intersection_env import Intersection, Predictor, _core, rank_maneuvers
+from tests.conftest import MAP_NAMES
+from tests.hardening.planner import (
+    RANDOM,
+    ROOT,
+    TRAFFIC,
+    assert_same,
+    printed,
+    random_traffic,
+    read_traffic,
+    write_traffic,
+)
+
+BUILD = ROOT / "build" / "cpp"
+TOOLS = Path(sys.executable).parent
+
+
+def cmake(*arguments: str | Path) -> None:
+    done = subprocess.run([TOOLS / "cmake", *arguments], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout[-4000:] + done.stderr[-4000:]
+
+
+def configure(source: Path, build: Path, *options: str) -> None:
+    cmake("-S", source, "-B", build, "-G", "Ninja", f"-DCMAKE_MAKE_PROGRAM={TOOLS / 'ninja'}", *options)
+
+
+def built_alone(program: str, folder: Path, prefix: Path) -> Path:
+    """The executable of one source file, with the example's CMakeLists.txt."""
+    (folder / "planner.cpp").write_text(program)
+    (folder / "CMakeLists.txt").write_text((ROOT / "examples" / "planner" / "CMakeLists.txt").read_text())
+    return built(folder, folder / "build", prefix)
+
+
+def built(source: Path, build: Path, prefix: Path) -> Path:
+    """The executable of a C++ project that finds the installed core; its path."""
+    configure(source, build, f"-DCMAKE_PREFIX_PATH={prefix}", "-DCMAKE_BUILD_TYPE=Release")
+    cmake("--build", build)
+    return build / "planner"
+
+
+@pytest.fixture(scope="module")
+def prefix(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Where the core is installed, built without Python. The build folder is kept: the next run is quick."""
+    configure(ROOT / "intersection_env" / "core", BUILD, "-DINTERSECTION_ENV_PYTHON=OFF", "-DCMAKE_BUILD_TYPE=Release")
+    cmake("--build", BUILD, "-j2")
+    prefix = tmp_path_factory.mktemp("prefix")
+    cmake("--install", BUILD, "--prefix", prefix)
+    return prefix
+
+
+@pytest.fixture(scope="module")
+def planner(prefix: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The example planner, built against the installed core."""
+    return built(ROOT / "examples" / "planner", tmp_path_factory.mktemp("planner"), prefix)
+
+
+def test_example_prints_the_ranking_of_python(planner: Path, prefix: Path, tmp_path: Path) -> None:
+    python = rank_maneuvers(Predictor.load("gap"), read_traffic(TRAFFIC))
+    cpp = printed([str(planner)], prefix, TRAFFIC)
+    assert_same(cpp, python)
+    assert cpp.order.tolist() == python.order.tolist()
+    assert len(cpp) > 10
+    assert python.worth_executing.any(), "the example shows an intervention that pays"
+
+
+@pytest.mark.parametrize("name", MAP_NAMES)
+def test_example_ranks_random_traffic_as_python_does(planner: Path, prefix: Path, tmp_path: Path, name: str) -> None:
+    kernel = _core.kernel_name()
+    for seed in range(RANDOM):
+        traffic = random_traffic(name, seed)
+        write_traffic(traffic, tmp_path / "traffic.txt")
+        cpp = printed(["env", f"INTERSECTION_ENV_ISA={kernel}", str(planner)], prefix, tmp_path / "traffic.txt", name)
+        python = rank_maneuvers(Predictor.load("gap"), traffic)
+        assert_same(cpp, python)
+        assert cpp.order.tolist() == python.order.tolist()
+
+
+@pytest.mark.parametrize(
+    ("line", "message"),
+    [
+        ("a nowhere 1 1 4 2", 'bendplatz has no route "nowhere"; its routes are '),
+        ("a SE-NW 95 -1 4.5 1.8", "vehicle 0: speed must be from 0"),
+        ("a SE-NW 95 5 4.5 1.8\nb SE-NW 96 5 4.5 1.8", "vehicle 0 and vehicle 1 overlap"),
+        ("a SE-NW 95", "a line must be: id route position speed length width"),
+    ],
+)
+def test_example_refuses_a_wrong_traffic_in_words(
+    planner: Path, prefix: Path, tmp_path: Path, line: str, message: str
+) -> None:
+    (tmp_path / "traffic.txt").write_text(line)
+    with pytest.raises(AssertionError, match=f"exit status 1: error: .*{re.escape(message)}"):
+        printed([str(planner)], prefix, tmp_path / "traffic.txt")
+
+
+def test_ten_lines_of_the_documentation_compile_and_run(prefix: Path, tmp_path: Path) -> None:
+    """The C++ block of docs/cpp.md that has a main, against the installed core alone."""
+    blocks = re.findall(r"```cpp\n(.*?)```", (ROOT / "docs" / "cpp.md").read_text(), re.DOTALL)
+    (program,) = [block for block in blocks if "int main" in block]
+    executable = built_alone(program, tmp_path, prefix)
+    share = prefix / "share" / "intersection_env"
+    done = subprocess.run([executable], capture_output=True, text=True, check=False, cwd=share)
+    assert done.returncode == 0, done.stderr
+    assert float(done.stdout.split()[0]) >= 0.0
+
+
+def test_a_planners_cycle_allocates_nothing(prefix: Path, tmp_path: Path) -> None:
+    """Alone and with a second thread."""
+    program = (ROOT / "tests" / "hardening" / "cpp" / "allocations.cpp").read_text()
+    executable = built_alone(program, tmp_path, prefix)
+    share = prefix / "share" / "intersection_env"
+    files = [share / "maps" / "bendplatz.map", share / "policies" / "gap.policy"]
+    for threads in ("1", "2"):
+        done = subprocess.run([executable, *files, threads], capture_output=True, text=True, check=False)
+        assert done.returncode == 0, done.stderr
+        count, scenarios = re.findall(r"\d+", done.stdout)
+        assert int(scenarios) > 32
+        assert int(count) == 0
+
+
+def test_installed_headers_and_files_are_those_that_are_documented(prefix: Path) -> None:
+    headers = {path.name for path in (prefix / "include" / "intersection_env").iterdir()}
+    documented = set(re.findall(r"`(\w+\.hpp)`", (ROOT / "docs" / "cpp.md").read_text()))
+    assert headers == documented
+    for name in MAP_NAMES:
+        text = (prefix / "share" / "intersection_env" / "maps" / f"{name}.map").read_text()
+        assert Intersection(text, name).checksum == Intersection.load(name).checksum

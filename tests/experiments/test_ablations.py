@@ -1,0 +1,122 @@
+"""Each ablation changes what it says, and is measured from the policies that come of it."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import pytest
+import torch
+import tyro
+
+from agents.gap.train import PROFILES as GAP_PROFILES
+from agents.networks.driving import DrivingNetwork
+from agents.networks.export import driving_policy
+from agents.training.folder import METRICS
+from experiments.models import lead_across
+from experiments.reproduce import ablations
+from experiments.reproduce.ablations import (
+    DEFAULT_GAIL,
+    DEFAULT_GAP,
+    GAIL,
+    GAP,
+    Ablations,
+    gail_table,
+    gap_table,
+    lead_table,
+)
+from experiments.reproduce.workspace import Job, Options
+from imitation.gail import PROFILES as GAIL_PROFILES
+from intersection_env.evaluation import intervals
+from intersection_env.worlds.life import gap_decider
+from tests.support.training import small_scenes
+
+Trainings = dict[Path, list[str]]
+
+
+@pytest.fixture
+def job(tmp_path: Path) -> Job:
+    """A job whose trainings are done: small scenes, the shipped policies."""
+    made = Job(Options(seeds=(5,), work=tmp_path / "work", out=tmp_path / "out"))
+    made.keys |= {"scenes": "some", "gail": "others"}
+    made.scenes.parent.mkdir(parents=True)
+    small_scenes("train", "development").save(made.scenes)
+    for name in ("gap", "idm_calibrated", "gail"):
+        made.policy(name).parent.mkdir(parents=True, exist_ok=True)
+        made.policy(name).write_text(Path(f"intersection_env/policies/{name}.policy").read_text())
+    driver(made.run_of("ppo_5") / "ppo.policy")
+    driver(made.run_of("gail_5") / "gail.policy")
+    made.run_of("gap").mkdir(parents=True)
+    (made.run_of("gap") / "gap.policy").write_text(made.policy("gap").read_text())
+    return made
+
+
+def driver(path: Path) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    driving_policy(gap_decider("gap"), DrivingNetwork(), {}).save(path)
+    rows = [{"epoch": 1}, {"predicted": 3.0}, {"predicted": 2.0}, {"predicted": 2.5}] if path.stem == "gail" else [{}]
+    (path.parent / METRICS).write_text("".join(f"{json.dumps(row)}\n" for row in rows))
+
+
+def trained(job: Job, monkeypatch: pytest.MonkeyPatch) -> Trainings:
+    """The commands that a run of the ablations gives, each of which leaves a policy."""
+    commands: Trainings = {}
+
+    def train(trainings: Mapping[Path, Sequence[str]], epochs: int, at_once: int) -> None:
+        for run, command in trainings.items():
+            commands[run] = list(command)
+            run.mkdir(parents=True, exist_ok=True)
+            if command[0] == "agents.gap":
+                (run / "gap.policy").write_text(job.policy("gap").read_text())
+            else:
+                driver(run / "gail.policy")
+
+    monkeypatch.setattr(ablations, "run_trainings", train)
+    monkeypatch.setattr(intervals, "RESAMPLES", 20)
+    monkeypatch.setattr(ablations, "LEAD_MOMENTS", 6)
+    monkeypatch.setattr(lead_across, "STANDING", 50.0)  # in so few moments nobody stands
+    torch.manual_seed(0)
+    Ablations(job).run()
+    return commands
+
+
+def test_every_variant_is_trained_and_measured_once(job: Job, monkeypatch: pytest.MonkeyPatch) -> None:
+    commands = trained(job, monkeypatch)
+    assert len(commands) == len(GAP) + len(GAIL)
+    results = json.loads((job.options.out / "ablations.json").read_text())
+    assert list(results["gap"]) == [DEFAULT_GAP, *GAP]
+    assert list(results["gail"]) == ["PPO alone, without GAIL", f"{DEFAULT_GAIL}, seed 5", *GAIL]
+    seen = [row["checkpoints"] for row in results["gail"].values()]
+    assert seen == [None] + [{"best": 2.0, "last": 2.5}] * (1 + len(GAIL))
+    first, *_ = results["gap"].values()
+    assert all(row == first for row in results["gap"].values()), "the same network, measured differently"
+    assert gap_table(results["gap"]).count("\n") == 2 + len(GAP)
+    assert gail_table(results["gail"]).count("\n") == 3 + len(GAIL)
+    in_core, in_torch, across = results["lead"].values()
+    assert in_torch["distance_rmse"]["value"] == pytest.approx(in_core["distance_rmse"]["value"], abs=1e-3)
+    assert across != in_torch, "nobody was ever across a path"
+    assert lead_table(results["lead"]).count("\n") == 4
+    assert not trained(job, monkeypatch), "done again"
+
+
+def test_variants_change_what_they_say_and_nothing_else(job: Job, monkeypatch: pytest.MonkeyPatch) -> None:
+    def settings(profiles: Any, command: list[str]) -> dict[str, Any]:
+        found = tyro.extras.overridable_config_cli(profiles, args=command[1:])
+        return {**found.decisive(), "run": None, "ppo": getattr(found, "ppo", None)}
+
+    commands = list(trained(job, monkeypatch).values())
+    gaps = [settings(GAP_PROFILES, one) for one in commands if one[0] == "agents.gap"]
+    default = settings(GAP_PROFILES, ["agents.gap", "default"])
+    assert [one["noise"] for one in gaps] == [0.0, 1.0]
+    assert all(one == {**default, "noise": one["noise"]} for one in gaps)
+    drivers = [settings(GAIL_PROFILES, one) for one in commands if one[0] == "imitation.gail"]
+    start = ["--ppo", str(job.run_of("ppo_5")), "--decider", str(job.policy("gap")), "--seed", "5"]
+    default = settings(GAIL_PROFILES, ["imitation.gail", "default", *start])
+    changed = [{key for key in one if one[key] != default[key]} for one in drivers]
+    assert changed == [*[{"discriminator"}] * 2, {"last_sigma"}, {"update"}, {"gap"}, {"ppo"}]
+    parts = ("gradient_penalty", "smoothing", "noise")
+    weights = [tuple(one["discriminator"][part] for part in parts) for one in drivers[:2]]
+    assert weights == [(0.0, 0.1, 0.1), (1.0, 0.0, 0.0)]
+    assert drivers[-1]["ppo"] is None

@@ -1,0 +1,91 @@
+"""The errors over the horizon are what a hand computes, and models are compared on the same samples."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from experiments.measure.horizon import Options, horizon_results, main, plot
+from intersection_env import Scenes
+from intersection_env.evaluation.errors import Errors
+
+TIMES = 51
+
+
+def made(distance: list[float], recording: list[str], recorded: list[bool] | None = None, scale: float = 1.0) -> Errors:
+    """Errors that grow with time; that of time loss is a tenth of that of distance."""
+    growth = np.linspace(0.0, 1.0, TIMES)[:, None]
+    errors = scale * growth * np.array(distance)
+    shape = errors.shape
+    known = np.ones(shape[1], np.bool_) if recorded is None else np.array(recorded)
+    return Errors(errors, 0.1 * errors, np.ones(shape, np.bool_), known, np.array(recording))
+
+
+def test_figures_are_those_of_the_samples_of_a_population() -> None:
+    results = horizon_results({"a": made([1.0, -3.0, 100.0, 2.0], list("xxxy"), [True, True, False, True])})
+    recorded = results["models"]["a"]["recorded"]
+    assert recorded["count"] == [3] * TIMES
+    assert recorded["distance"]["rmse"][-1] == pytest.approx(np.sqrt(14.0 / 3.0))
+    assert recorded["distance"]["rmse"][25] == pytest.approx(0.5 * np.sqrt(14.0 / 3.0))
+    assert recorded["distance"]["mad"][-1] == pytest.approx(2.0)
+    assert recorded["distance"]["median_deviation"][-1] == pytest.approx(1.0)  # of 1, -3, 2 from 1
+    assert recorded["distance"]["mean"][-1] == pytest.approx(0.0)
+    assert recorded["time_loss"]["mad"][-1] == pytest.approx(0.2)
+    assert results["models"]["a"]["extrapolated"]["distance"]["rmse"][-1] == pytest.approx(100.0)
+    assert results["time"][-1] == 10.0
+
+
+def test_times_without_samples_are_left_open() -> None:
+    found = made([1.0, 2.0], ["x", "y"])
+    found.scored[10:] = False
+    curves = horizon_results({"a": replace(found, scored=found.scored | (np.arange(TIMES) == 50)[:, None])})
+    recorded = curves["models"]["a"]["recorded"]
+    assert recorded["count"][9:12] == [2, 0, 0]
+    assert recorded["distance"]["rmse"][20] is None
+    assert recorded["distance"]["rmse"][50] is not None
+
+
+def test_ratio_to_a_reference_is_paired() -> None:
+    """Recordings differ much, the ratio of the two models in each not at all: no doubt about the ratio."""
+    errors, recordings = [1.0, 2.0, 30.0, 60.0], list("xxyy")
+    results = horizon_results({"a": made(errors, recordings, scale=0.5), "idm": made(errors, recordings)})
+    ratio = results["at_10s"]["a"]["distance_rmse_to_idm"]
+    assert ratio == pytest.approx({"value": 0.5, "low": 0.5, "high": 0.5})
+    alone = results["at_10s"]["a"]["distance_rmse"]
+    assert alone["low"] < 0.5 * alone["value"]
+    assert not any("_to_" in key for key in results["at_10s"]["idm"])
+
+
+def test_main_measures_the_shipped_scenes(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    scenes = Scenes.load("bendplatz").select("development")
+    replace(scenes, scenes=scenes.scenes[:2]).save(tmp_path / "scenes.npz")
+    options = Options(tmp_path / "scenes.npz", ("idm", "constant_velocity"), out=tmp_path, figure=tmp_path / "a.svg")
+    assert main(options) == 0
+    results = json.loads((tmp_path / "horizon_development.json").read_text())
+    assert set(results["models"]) == {"idm", "constant_velocity"}
+    assert results["moments"] > 3
+    assert "constant_velocity" in capsys.readouterr().out
+    assert (tmp_path / "a.svg").stat().st_size > 1000
+
+
+def test_figure_has_a_line_a_model_for_both_figures() -> None:
+    results = horizon_results({"a": made([1.0, 2.0], ["x", "y"]), "b": made([2.0, 1.0], ["x", "y"])})
+    figure = plot(results, {"b": "the second"})
+    first = figure.axes[0]
+    assert first.lines[0].get_label() == "the second"
+    np.testing.assert_allclose(
+        np.asarray(first.lines[0].get_ydata()), results["models"]["b"]["recorded"]["distance"]["rmse"]
+    )
+
+
+def test_no_moment_to_predict_from_is_an_error(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    scenes = Scenes.load("bendplatz")
+    replace(scenes, scenes=()).save(tmp_path / "scenes.npz")
+    assert main(Options(tmp_path / "scenes.npz", ("idm",), out=tmp_path)) == 1
+    assert "no moments" in capsys.readouterr().err
+    assert main(Options(tmp_path / "scenes.npz", ("hero",), out=tmp_path)) == 1
+    assert 'no policy "hero"' in capsys.readouterr().err

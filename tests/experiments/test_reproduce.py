@@ -1,0 +1,287 @@
+"""`make reproduce` refuses bad recordings before it trains, goes on where it was, and ships what is best."""
+
+from __future__ import annotations
+
+import itertools
+import json
+import shutil
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from agents.networks.driving import DrivingNetwork
+from agents.networks.export import driving_policy
+from agents.ppo import PROFILES as PPO_PROFILES
+from experiments.reproduce import measurements, reproduce, trainings
+from experiments.reproduce.measurements import Measurements
+from experiments.reproduce.reproduce import TRAINED, main
+from experiments.reproduce.stages import StageFailedError
+from experiments.reproduce.workspace import Job, Options
+from experiments.results_files import rounded
+from imitation.gail import PROFILES as GAIL_PROFILES
+from intersection_env import Intersection
+from intersection_env.prediction.predictor import POLICIES
+from intersection_env.worlds.life import gap_decider
+from tests.support.recordings import on_route, steady, write_recording
+
+MEASURED = ("_horizon", "_order", "_gap_accuracy", "_replay", "_maneuvers", "_closed_loop", "_runtime")
+STAGES = ("scenes", "gap", "idm", "ppo", "gail")
+MERITS = {"ppo_3": 0.1, "ppo_4": 0.3, "ppo_5": 0.2, "gail_3": -4.0, "gail_4": -5.0, "gail_5": -6.0}
+
+
+def record(folder: Path, *ids: str, location: int = 1) -> Path:
+    """Recordings in inD's format, of two cars each that drive steadily for 13 s."""
+    bendplatz = Intersection.load("bendplatz")
+    movers = [
+        on_route(bendplatz, route, k, 0.0, steady(100.0, 7.0), 13.0) for k, route in enumerate(("NW-SE", "SE-NW"))
+    ]
+    for id in ids:
+        write_recording(folder, id, movers, location)
+    return folder
+
+
+@pytest.fixture
+def options(tmp_path: Path) -> Options:
+    """Of three recordings, one for each split."""
+    recordings = record(tmp_path / "recordings", "07", "08", "09")
+    return Options(recordings, seeds=(3, 4, 5), work=tmp_path / "work", out=tmp_path / "out", only="training")
+
+
+class Trainer:
+    """Stands in for the processes that train: writes what they would, at once, and counts."""
+
+    def __init__(self) -> None:
+        self.modules: list[str] = []
+        self.folders: list[str] = []
+        self.epochs: set[int] = set()
+
+    def run_module(self, module: str, *arguments: str) -> None:
+        self.modules.append(module)
+        told = dict(itertools.pairwise(arguments))
+        out = Path(told["--out"]) if "--out" in told else Path(told["--run"]) / "gap.policy"
+        out.parent.mkdir(parents=True, exist_ok=True)
+        shutil.copyfile(POLICIES / out.name, out)
+
+    def run_trainings(self, commands: Mapping[Path, Sequence[str]], epochs: int, at_once: int) -> None:
+        assert 1 <= at_once <= len(commands)
+        self.epochs.add(epochs)
+        for run in commands:
+            self.folders.append(run.name)
+            run.mkdir(parents=True, exist_ok=True)
+            about = {"validation_run": {"gap": {"reward": MERITS[run.name]}}, "name": run.name}
+            driving_policy(gap_decider("gap"), DrivingNetwork(), about).save(run / f"{run.name.split('_')[0]}.policy")
+
+
+@pytest.fixture
+def trainer(monkeypatch: pytest.MonkeyPatch) -> Trainer:
+    trainer = Trainer()
+    monkeypatch.setattr(trainings, "run_module", trainer.run_module)
+    monkeypatch.setattr(trainings, "run_trainings", trainer.run_trainings)
+    monkeypatch.setattr(trainings, "distance_error", lambda predictor, _: -MERITS[predictor.name])
+    return trainer
+
+
+@pytest.fixture
+def measured(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """What was measured, in order, by a stand-in that writes empty results; and that a report was written."""
+    done: list[str] = []
+
+    def stand_in(name: str) -> Callable[..., None]:
+        def work(self: Measurements, *split: str) -> None:
+            done.append("_".join((name, *split)))
+            results = {"_gap_accuracy": "gap", "_replay": "replay_development", "_maneuvers": "maneuvers_validation"}
+            self._write("_".join((results.get(name, name[1:]), *split)), {})
+
+        return work
+
+    for name in MEASURED:
+        monkeypatch.setattr(Measurements, name, stand_in(name))
+    monkeypatch.setattr(reproduce, "write_report", lambda out: done.append("report"))
+    return done
+
+
+def never(*_: object) -> None:
+    raise AssertionError("a training began")
+
+
+def malformed(folder: Path) -> Path:
+    record(folder, "07", "08", "09")
+    table = folder / "08_tracks.csv"
+    table.write_text(table.read_text(encoding="utf-8").replace("xCenter", "x"), encoding="utf-8")
+    return folder
+
+
+def another_data_set(folder: Path) -> Path:
+    folder.mkdir()
+    (folder / "vehicle_tracks_000.csv").write_text("track_id,frame_id,timestamp_ms\n1,1,100\n", encoding="utf-8")
+    return folder
+
+
+def empty(folder: Path) -> Path:
+    folder.mkdir()
+    return folder
+
+
+@pytest.mark.parametrize(
+    ("make", "said"),
+    [
+        (lambda folder: folder, "bad"),
+        (empty, "bad"),
+        (another_data_set, "bad"),
+        (malformed, "08_tracks.csv"),
+        (lambda folder: record(folder, "00", "01", location=4), "recording 00 is of location 4"),
+        (lambda folder: record(folder, "07"), 'no scene for split "development"'),
+        (lambda folder: record(folder, "07", "08"), 'no scene for split "development"'),
+    ],
+    ids=["missing", "empty", "another data set", "malformed", "without a map", "one", "two"],
+)
+def test_bad_recordings_are_named_before_anything_is_trained(
+    make: Callable[[Path], Path],
+    said: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    for module, name in ((trainings, "run_module"), (trainings, "run_trainings"), (measurements, "run_module")):
+        monkeypatch.setattr(module, name, never)
+    recordings = make(tmp_path / "bad")
+    assert main(Options(recordings, work=tmp_path / "work", out=tmp_path / "out")) == 1
+    printed = capsys.readouterr()
+    assert printed.err.splitlines()[-1].startswith("error: ")
+    assert said in printed.err
+    assert "[gap]" not in printed.out
+    assert not (tmp_path / "out").exists()
+    assert not (tmp_path / "work" / "scenes.npz").exists()
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"map": "nowhere"}, '--map is "nowhere"; wanted one that ships: bendplatz, t_junction'),
+        ({"map": "intersection_env/maps/bendplatz.json"}, "wanted one that ships"),
+        ({"seeds": ()}, "--seeds names no seed"),
+        ({"effort": -1.0}, "--effort is -1; wanted more than 0"),
+    ],
+)
+def test_bad_options_are_named_before_anything_is_trained(
+    change: dict[str, object],
+    said: str,
+    options: Options,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.setattr(trainings, "run_module", never)
+    assert main(replace(options, **change)) == 1  # type: ignore[arg-type]
+    assert said in capsys.readouterr().err
+
+
+def test_training_keeps_the_best_seed_of_each_driver(options: Options, trainer: Trainer) -> None:
+    assert main(options) == 0
+    assert trainer.modules == ["agents.gap", "agents.idm"]
+    assert trainer.folders == ["ppo_3", "ppo_4", "ppo_5", "gail_3", "gail_4", "gail_5"]
+    policies = options.work / "policies"
+    assert {path.stem for path in policies.iterdir()} == {*TRAINED, *MERITS}
+    assert (policies / "ppo.policy").read_bytes() == (policies / "ppo_4.policy").read_bytes()
+    assert (policies / "gail.policy").read_bytes() == (policies / "gail_3.policy").read_bytes()
+    assert not options.out.exists()
+
+
+def test_effort_is_the_share_of_epochs_but_one_at_least(options: Options, trainer: Trainer) -> None:
+    assert main(replace(options, effort=1e-9)) == 0
+    assert trainer.epochs == {1}
+    assert main(options) == 0
+    assert trainer.epochs == {1, PPO_PROFILES["fast"][1].epochs, GAIL_PROFILES["default"][1].epochs}
+
+
+def test_second_time_nothing_is_done_but_the_report(
+    options: Options, trainer: Trainer, measured: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    everything = replace(options, only="everything")
+    assert main(everything) == 0
+    first = list(measured)
+    assert first[-1] == "report"
+    last_choice = first.index("_gap_accuracy_development")
+    assert all("development" in one for one in first[: last_choice + 1])  # validation is opened after it
+    content = json.loads((options.out / "reproduced.json").read_text(encoding="utf-8"))
+    assert content["about"]["recordings_validation"] == ["09"]
+    assert content["about"]["name"] == "recordings"
+    assert set(content["seconds"]) > set(STAGES)
+    capsys.readouterr()
+    done = (list(trainer.modules), list(trainer.folders))
+    assert main(everything) == 0
+    assert (trainer.modules, trainer.folders) == done
+    assert measured == [*first, "report"]
+    assert capsys.readouterr().out.count("was done before") == len(content["seconds"])
+    assert json.loads((options.out / "reproduced.json").read_text(encoding="utf-8")) == content
+
+
+def test_other_recordings_are_trained_on_anew(options: Options, trainer: Trainer) -> None:
+    assert main(options) == 0
+    record(options.recordings, "10")
+    assert main(options) == 0
+    assert trainer.modules == ["agents.gap", "agents.idm"] * 2
+    runs = {path.parent.name for path in (options.work / "runs").glob("*/ppo_3")}
+    assert len(runs) == 2  # a training cannot go on with other data
+
+
+def test_shipping_copies_the_policies_into_the_package(
+    options: Options, trainer: Trainer, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    package = tmp_path / "package"
+    package.mkdir()
+    monkeypatch.setattr(reproduce, "POLICIES", package)
+    assert main(options) == 0
+    assert not list(package.iterdir())
+    assert main(replace(options, ship=True)) == 0
+    assert {path.name for path in package.iterdir()} == {f"{name}.policy" for name in TRAINED}
+    for name in TRAINED:
+        shipped = (package / f"{name}.policy").read_bytes()
+        assert shipped == (options.work / "policies" / f"{name}.policy").read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("error", "status", "said"),
+    [
+        (KeyboardInterrupt(), 130, "interrupted; the same command goes on from here"),
+        (StageFailedError("the training in x ended with exit status 3", 3), 3, "error: the training in x ended"),
+    ],
+)
+def test_job_that_ended_early_says_why_and_goes_on_from_there(
+    error: BaseException,
+    status: int,
+    said: str,
+    options: Options,
+    trainer: Trainer,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    def ends(*_: object) -> None:
+        raise error
+
+    with monkeypatch.context() as patch:
+        patch.setattr(trainings, "run_trainings", ends)
+        assert main(options) == status
+    assert said in capsys.readouterr().err
+    assert main(options) == 0
+    assert trainer.modules == ["agents.gap", "agents.idm"]
+    assert len(trainer.folders) == 6
+
+
+@pytest.mark.parametrize(
+    ("map", "said"), [("bendplatz", "No module named 'sumo'"), ("t_junction", "there is a network for Bendplatz only")]
+)
+def test_sumo_that_is_missing_ends_nothing(
+    map: str, said: str, options: Options, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def missing(_: object) -> None:
+        raise ModuleNotFoundError("No module named 'sumo'")
+
+    monkeypatch.setattr(measurements, "sumo_predictions", missing)
+    assert Measurements(Job(replace(options, map=map)))._sumo([]) == ([], {"sumo": said})
+
+
+def test_rounding_leaves_all_but_floats_as_it_is() -> None:
+    content = {"a": [1, True, None, "x"], "b": (0.123456789, {"c": 123456789.0})}
+    assert rounded(content) == {"a": [1, True, None, "x"], "b": [0.123457, {"c": 123457000.0}]}

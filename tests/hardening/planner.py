@@ -1,0 +1,97 @@
+"""The C++ example planner beside Python: the same traffic, the same ranking.
+
+`python -m tests.hardening.planner PREFIX COMMAND...` compares what the command (an emulator, valgrind, the example)
+prints; PREFIX is where the core was installed. `make harden` runs it with sanitizers, under valgrind and for ARM64.
+"""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import tempfile
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from intersection_env import Intersection, Predictor, Traffic, Vehicle, rank_maneuvers
+from tests.conftest import MAP_NAMES
+from tests.support.twins import random_case
+
+ROOT = Path(__file__).parents[2]
+TRAFFIC = ROOT / "examples" / "planner" / "traffic.txt"
+NUMBERS = ["total_time_loss", "worst_time_loss", "gain", "minimum_distance"]
+TOLERANCE = 1e-3  # [s], [m]
+RANDOM = 6  # random traffics a map
+
+
+def read_traffic(path: Path, name: str = "bendplatz") -> Traffic:
+    """The example's traffic file: id, route, position, speed, length and width a line."""
+    rows = [line.split() for line in path.read_text().splitlines()]
+    return Traffic.of(Intersection.load(name), [Vehicle(row[0], row[1], *map(float, row[2:])) for row in rows])
+
+
+def write_traffic(traffic: Traffic, path: Path) -> None:
+    """The same file from a traffic whose vehicles have no top speed of their own."""
+    fields = (traffic.position, traffic.speed, traffic.length, traffic.width)
+    with path.open("w") as file:
+        for i, vehicle_id in enumerate(traffic.ids):
+            numbers = " ".join(f"{field[i]:.9g}" for field in fields)
+            file.write(f"{vehicle_id} {traffic.intersection.routes[traffic.route[i]].id} {numbers}\n")
+
+
+def random_traffic(name: str, seed: int) -> Traffic:
+    """A random traffic of a shipped map that such a file can hold."""
+    case, _ = random_case(name, 70_000 + seed)
+    return Traffic(case.intersection, case.ids, case.route, case.position, case.speed, case.length, case.width)
+
+
+def printed(command: Sequence[str], prefix: Path, path: Path, name: str = "bendplatz") -> pd.DataFrame:
+    """The ranking that the example prints."""
+    share = prefix / "share" / "intersection_env"
+    files = [share / "maps" / f"{name}.map", share / "policies" / "gap.policy", path]
+    done = subprocess.run([*command, *map(str, files), "100000"], capture_output=True, text=True, check=False)
+    if done.returncode != 0:
+        raise AssertionError(f"exit status {done.returncode}: {done.stdout[-2000:]}{done.stderr[-8000:]}")
+    lines = done.stdout.splitlines()
+    last = next(k for k, line in enumerate(lines) if "orders left out" in line)
+    rows = [line.split(maxsplit=6) for line in lines[1:last]]
+    table = pd.DataFrame(rows, columns=[*NUMBERS, "safe", "worth_executing", "order"])
+    table[NUMBERS] = table[NUMBERS].astype(float)
+    for flag in ("safe", "worth_executing"):
+        table[flag] = table[flag] == "yes"
+    assert lines[last].startswith(f"{len(table)} maneuvers, ")
+    table.attrs["left_out"] = int(lines[last].split()[2])
+    return table
+
+
+def assert_same(cpp: pd.DataFrame, python: pd.DataFrame) -> None:
+    """The same maneuvers in the same order, numbers within the tolerance; neighbours that near may change places."""
+    assert cpp.attrs["left_out"] == python.attrs["left_out"]
+    assert sorted(cpp.order) == sorted(python.order)
+    np.testing.assert_allclose(cpp.total_time_loss, python.total_time_loss, atol=TOLERANCE)
+    by_order = python.set_index("order").loc[cpp.order]
+    np.testing.assert_allclose(cpp[NUMBERS], by_order[NUMBERS], atol=TOLERANCE)
+    for flag in ("safe", "worth_executing"):
+        assert (cpp[flag].to_numpy() == by_order[flag].to_numpy()).all()
+
+
+def main() -> int:
+    """Compares the example's own traffic, and random ones on both maps."""
+    prefix, command = Path(sys.argv[1]), sys.argv[2:]
+    cases = [read_traffic(TRAFFIC), *(random_traffic(name, seed) for name in MAP_NAMES for seed in range(RANDOM))]
+    maneuvers = 0
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "traffic.txt"
+        for traffic in cases:
+            write_traffic(traffic, path)
+            cpp = printed(command, prefix, path, traffic.intersection.name)
+            assert_same(cpp, rank_maneuvers(Predictor.load("gap"), traffic))
+            maneuvers += len(cpp)
+    print(f"{' '.join(command)}: {len(cases)} rankings, {maneuvers} maneuvers, all as Python's")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

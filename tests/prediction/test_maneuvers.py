@@ -1,0 +1,89 @@
+"""The core's ranking equals one written out the slow way."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from intersection_env import Predictor, Traffic, crossing_orders, rank_maneuvers
+from intersection_env.prediction.measures import crossing_order
+from tests.conftest import MAP_NAMES
+from tests.reference import predictor as reference
+from tests.support.twins import CASES, random_case, twin_map
+
+
+def in_words(traffic: Traffic, priorities: NDArray[np.int8], twin: reference.Traffic) -> str:
+    """The vehicle nearest to its line among those that wait for nobody who is still to come, again and again."""
+    waits = {(first, second) for first, second in traffic.words(priorities)}
+    to_come = {vehicle for pair in waits for vehicle in pair}
+    for chain in reference.lane_chains(twin_map(traffic.intersection.name), twin):
+        waits |= {(traffic.ids[a], traffic.ids[b]) for k, a in enumerate(chain) for b in chain[k + 1 :]}
+    lines = {
+        vehicle: traffic.intersection.routes[route].stop_line - float(position)
+        for vehicle, route, position in zip(traffic.ids, traffic.route, traffic.position, strict=True)
+    }
+    sequence = []
+    while to_come:
+        ready = [v for v in traffic.ids if v in to_come and not any((w, v) in waits for w in to_come)]
+        sequence.append(min(ready, key=lines.__getitem__))
+        to_come.remove(sequence[-1])
+    return ", ".join(sequence) or "nobody waits"
+
+
+@pytest.mark.parametrize("name", MAP_NAMES)
+def test_ranking_is_that_of_all_orders_predicted_and_sorted(name: str) -> None:
+    ranked = 0
+    for seed in range(30 * CASES):
+        traffic, twin = random_case(name, 80_000 + seed)
+        predictor = Predictor.load("gap" if seed % 2 else "idm")
+        default = predictor.predict(traffic)
+        realized = crossing_order(traffic, default)[0]
+        orders = np.concatenate([np.zeros_like(realized)[None], *crossing_orders(traffic, preferred=realized)])
+        if len(orders) > 200:
+            continue
+        ranked += 1
+        # batched as the core does it: a sanitized build rounds a batch and a single scenario differently
+        summary = predictor.predict(traffic, orders[1:], trajectories=False)
+        time_loss = np.concatenate([default.time_loss, summary.time_loss])
+        distance = np.concatenate([default.minimum_distance, summary.minimum_distance])
+        total, safe = time_loss.astype(np.float64).sum(axis=1), distance >= 0.5
+        rows = sorted(range(len(orders)), key=lambda k: (not safe[k], total[k]))
+        table = rank_maneuvers(predictor, traffic)
+        np.testing.assert_allclose(table.total_time_loss, total[rows], rtol=1e-12)
+        np.testing.assert_array_equal(table.safe, safe[rows])
+        np.testing.assert_array_equal(table.minimum_distance, distance[rows])
+        np.testing.assert_array_equal(np.stack(table.priorities.tolist()), orders[rows])
+        np.testing.assert_allclose(table.worst_time_loss, time_loss.max(axis=1, initial=0.0)[rows])
+        np.testing.assert_allclose(table.gain, total[0] - total[rows], atol=1e-9)
+        np.testing.assert_array_equal(table.worth_executing, table.safe & (table.gain > 2.0))
+        words = [in_words(traffic, orders[k], twin) if k else "no intervention" for k in rows]
+        assert table.order.tolist() == words
+    assert ranked > 12 * CASES
+
+
+def test_a_limit_keeps_the_orders_nearest_to_no_intervention() -> None:
+    traffic, _ = random_case("bendplatz", 20_003)
+    predictor = Predictor.load("gap")
+    realized = crossing_order(traffic, predictor.predict(traffic))[0]
+    first = next(crossing_orders(traffic, preferred=realized, batch=2))
+    table = rank_maneuvers(predictor, traffic, limit=2)
+    kept = {tuple(row) for row in table.priorities[table.intervention]}
+    assert kept == {tuple(row) for row in first}
+    assert table.attrs["left_out"] == len(rank_maneuvers(predictor, traffic)) - 3
+
+
+def test_crossing_order_is_that_of_the_first_fronts_in_each_conflict() -> None:
+    seen = set()
+    for seed in range(30):
+        traffic, twin = random_case("bendplatz", 81_000 + seed)
+        prediction = Predictor.load("idm").predict(traffic)
+        conflicts = {(c.yielder, c.prioritized): c for c in twin_map("bendplatz").conflicts}
+        for way, (i, j) in zip(crossing_order(traffic, prediction)[0], traffic.conflicts.tolist(), strict=True):
+            conflict = conflicts[int(twin.route[i]), int(twin.route[j])]
+            fronts = [prediction.position[0, :, k] + traffic.length[k] / 2 for k in (i, j)]
+            lines = (np.float32(conflict.begin_yielder), np.float32(conflict.begin_prioritized))
+            steps = [next((t for t in range(51) if f[t] >= line), 51) for f, line in zip(fronts, lines, strict=True)]
+            assert way == (1 if steps[0] < steps[1] else -1 if steps[1] < 51 else 0)
+            seen.add(int(way))
+    assert seen == {-1, 0, 1}

@@ -1,0 +1,72 @@
+"""Makes the same random cases for the core and for its twin."""
+
+from __future__ import annotations
+
+import os
+from functools import cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from intersection_env import Intersection, Traffic, _core
+from intersection_env.maps.intersection import MAPS
+from tests.reference import predictor as reference
+
+CASES = int(os.environ.get("RANDOM_CASES", "1"))
+"""Multiplies the number of random cases; `make harden` raises it."""
+
+
+@cache
+def twin_map(name: str) -> reference.Map:
+    """The shipped map as the twin reads it."""
+    return reference.load_map(MAPS / f"{name}.map")
+
+
+def as_traffic(intersection: Intersection, twin: reference.Traffic) -> Traffic:
+    """The twin's vehicles as the core takes them."""
+    floats = (getattr(twin, name).astype(np.float32) for name in ("position", "speed", "length", "width", "max_speed"))
+    ids = tuple(f"v{i}" for i in range(len(twin.route)))
+    return Traffic(intersection, ids, twin.route.astype(np.int32), *floats)
+
+
+def rounded(twin: reference.Traffic) -> reference.Traffic:
+    """The same vehicles with every number exactly representable in float32."""
+    floats = {
+        name: getattr(twin, name).astype(np.float32).astype(np.float64)
+        for name in ("position", "speed", "length", "width", "max_speed")
+    }
+    return reference.Traffic(route=twin.route, **floats)
+
+
+def random_case(name: str, seed: int) -> tuple[Traffic, reference.Traffic]:
+    """Random traffic on a shipped map: for the core, and for the twin."""
+    generator = np.random.default_rng(seed)
+    twin = rounded(reference.random_traffic(twin_map(name), generator, int(generator.integers(0, 13))))
+    return as_traffic(Intersection.load(name), twin), twin
+
+
+def random_assignment(traffic: Traffic, generator: np.random.Generator) -> NDArray[np.int8]:
+    """A feasible assignment (1, pair): part of a random crossing order, completed by the core."""
+    preferred = generator.choice(np.array([-1, 1], np.int8), len(traffic.conflicts))
+    cooperative = generator.integers(0, 2, len(traffic)).astype(np.uint8)
+    orders = _core.Orders(traffic.intersection.core, traffic.core, cooperative, preferred)
+    found = orders.next(1)
+    return found if len(found) else np.zeros((1, len(traffic.conflicts)), np.int8)
+
+
+def random_networks(generator: np.random.Generator) -> tuple[reference.Network, reference.Network]:
+    """A gap network and a driving network with weights of a trained network's size."""
+    gap = _network(generator, 4, np.array([5.0, 5.0, 30.0, 8.0]), np.array([0.1, 0.1, 0.03, 0.1]))
+    shift = np.array([10.0, 7.0, 11.0, 0, 0, 0, 0, 0, 0, 40.0, 12.0, 0.5])
+    scale = np.array([0.05, 0.1, 0.1, 1, 1, 1, 1, 1, 1, 0.03, 0.08, 1.0])
+    return gap, _network(generator, 12, shift, scale)
+
+
+def _network(
+    generator: np.random.Generator, inputs: int, shift: NDArray[np.float64], scale: NDArray[np.float64]
+) -> reference.Network:
+    sizes = ((16, inputs), (16, 16), (1, 16))
+    layers = tuple(
+        (generator.normal(0, 1.2 / np.sqrt(shape[1]), shape), generator.normal(0, 0.1, shape[0])) for shape in sizes
+    )
+    return reference.Network(shift=shift, scale=scale, layers=layers)
