@@ -1,0 +1,10 @@
+"""The command `python -m agents.gap`."""
+
+import sys
+
+import tyro
+
+from agents.gap.train import PROFILES, main
+
+if __name__ == "__main__":
+    sys.exit(main(tyro.extras.overridable_config_cli(PROFILES)))
