@@ -10,7 +10,6 @@ import dataclasses
 import sys
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -20,11 +19,12 @@ from scipy.optimize import differential_evolution
 from tqdm import tqdm
 
 from agents.training.folder import file_hash
-from intersection_env.policies.file import DT, IdmParameters, PolicyFile
+from intersection_env.evaluation.errors import distance_error
+from intersection_env.evaluation.moments import Moment, followed, moments_of
+from intersection_env.policies.file import IdmParameters, PolicyFile
+from intersection_env.policies.named import gap_decider
 from intersection_env.prediction.predictor import Predictor
 from intersection_env.scenes.scenes import Scenes
-from intersection_env.traffic import Traffic
-from intersection_env.worlds.life import gap_decider
 
 BOUNDS = {
     "standing_gap": (0.5, 5.0),
@@ -35,64 +35,16 @@ BOUNDS = {
     "lateral_acceleration": (0.8, 8.0),
 }
 """What is searched, and where; the hardest braking stays as it is."""
-HORIZONS = (10, 20, 30, 40, 50)  # steps: 2, 4, ..., 10 s
 POPULATION, SEED = 8, 0  # of the search, in units of the number of parameters
 ROUNDS = 15  # of the search
 
 
-@dataclass(frozen=True)
-class Moment:
-    """One moment to predict from; position: (step, vehicle) recorded; counts: (step, vehicle), scored there."""
-
-    traffic: Traffic
-    position: NDArray[np.float32]
-    counts: NDArray[np.bool_]
-
-
-def moments(scenes: Scenes, every: float) -> list[Moment]:
-    """One every so many seconds; scored are cars and trucks that are recorded at the start and at the horizon."""
-    found: list[Moment] = []
-    for scene in scenes:
-        for step in range(0, scene.steps - HORIZONS[0], round(every / DT)):
-            try:
-                traffic = scenes.at(scene, step * DT)
-            except ValueError:  # vehicles overlap there
-                continue
-            position = np.zeros((HORIZONS[-1] + 1, len(traffic)), np.float32)
-            counts = np.zeros(position.shape, np.bool_)
-            for i, track in enumerate(scene.track(id) for id in traffic.ids):
-                part = slice(step - track.start, step - track.start + len(position))
-                known = len(track.position[part])
-                position[:known, i] = track.position[part]
-                counts[:known, i] = track.observed[part] & (track.road_user != "bicycle")
-            counts &= counts[0]
-            if counts[HORIZONS[0] :].any():
-                found.append(Moment(traffic, position, counts))
-    return found
-
-
-def distance_error(predictor: Predictor, asked: Sequence[Moment]) -> float:
-    """Of the distance along the route: root of the mean over the horizons of the mean squared errors [m].
-
-    A horizon at which nobody is scored does not count.
-    """
-    sums, counts = np.zeros(len(HORIZONS)), np.zeros(len(HORIZONS))
-    for one in asked:
-        predicted = predictor.predict(one.traffic).position[0]
-        for h, step in enumerate(HORIZONS):
-            error = (predicted[step] - one.position[step])[one.counts[step]]
-            sums[h] += float(np.square(error, dtype=np.float64).sum())
-            counts[h] += len(error)
-    scored = counts > 0
-    return float(np.sqrt(np.mean(sums[scored] / counts[scored])))
-
-
-def calibrate(asked: Sequence[Moment], gap: PolicyFile, rounds: int, progress: bool = True) -> IdmParameters:
+def calibrate(moments: Sequence[Moment], gap: PolicyFile, rounds: int, progress: bool = True) -> IdmParameters:
     """The best parameters found by differential evolution; `gap` decides about gaps."""
 
     def error(values: NDArray[np.float64]) -> float:
         parameters = IdmParameters(**dict(zip(BOUNDS, values.tolist(), strict=True)))
-        return distance_error(Predictor(dataclasses.replace(gap, driver="idm", idm=parameters), "idm"), asked)
+        return distance_error(Predictor(dataclasses.replace(gap, driver="idm", idm=parameters), "idm"), moments)
 
     with tqdm(total=rounds, desc="IDM", unit="round", disable=None if progress else True) as bar:
 
@@ -128,15 +80,17 @@ def main(arguments: Sequence[str] | None = None) -> int:
     begin = time.perf_counter()
     try:
         scenes, gap = Scenes.load(options.scenes), gap_decider(options.gap)
-        asked, held_out = (moments(scenes.select(split), options.every) for split in ("train", "development"))
-        if not asked or not held_out:
+        moments, held_out = (
+            followed(moments_of(scenes.select(split), options.every)[0]) for split in ("train", "development")
+        )
+        if not moments or not held_out:
             raise ValueError(f"{options.scenes}: no moment to predict from for training, or none for development")
-        print(f"{len(asked)} moments to learn from, {len(held_out)} for development")
-        parameters = calibrate(asked, gap, options.rounds)
+        print(f"{len(moments)} moments to learn from, {len(held_out)} for development")
+        parameters = calibrate(moments, gap, options.rounds)
         policy = dataclasses.replace(gap, driver="idm", idm=parameters)
         figures = {
             name: {
-                "train": round(distance_error(Predictor(one, name), asked), 3),
+                "train": round(distance_error(Predictor(one, name), moments), 3),
                 "development": round(distance_error(Predictor(one, name), held_out), 3),
             }
             for name, one in (("calibrated", policy), ("paper", dataclasses.replace(policy, idm=IdmParameters())))

@@ -28,8 +28,8 @@ from agents.rollouts.validation_run import SPEED, validation_run
 from agents.training.folder import RunFolder
 from agents.training.interrupt import Interrupted, ctrl_c
 from agents.training.seeds import rollout_collector, train_seeds
-from intersection_env.policies.file import DT
-from intersection_env.worlds.life import gap_decider
+from intersection_env.constants import DT
+from intersection_env.policies.named import gap_decider
 
 NOT_DECISIVE = ("run", "resume", "threads", "workers", "seeds", "tensorboard")
 PROJECTED_FROM = 5  # epochs

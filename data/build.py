@@ -19,9 +19,10 @@ from data.pipeline.filters import CROSSING_MARGIN, OVERTAKING_MARGIN
 from data.pipeline.projection import MAX_EXCESS, RMS_EXCESS
 from data.pipeline.scenes_of import LEAST_DURATION, build_scenes, check_location
 from data.pipeline.split import split_of
+from intersection_env.constants import DT
 from intersection_env.maps.intersection import Intersection
-from intersection_env.prediction.predictor import DT
-from intersection_env.scenes.scenes import SPLITS, Scene, Scenes
+from intersection_env.scenes.scene import SPLITS, Scene
+from intersection_env.scenes.scenes import Scenes
 
 SETTINGS = {
     "rms_excess_m": RMS_EXCESS,

@@ -16,7 +16,8 @@ import pandas as pd
 
 from data.build import build, recordings_on
 from data.pipeline.split import split_of
-from intersection_env.evaluation.errors import Start, evaluate, starts
+from intersection_env.evaluation.errors import evaluate
+from intersection_env.evaluation.moments import Moment, moments_of
 from intersection_env.files import written_whole
 from intersection_env.maps.intersection import Intersection
 from intersection_env.plots.animation import animate
@@ -51,7 +52,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     return 0
 
 
-def busiest(moments: Sequence[Start]) -> Start:
+def busiest(moments: Sequence[Moment]) -> Moment:
     """The moment with the most open conflicts between recorded vehicles, if its scene lasts 10 s from there.
 
     Conflicts with a vehicle extrapolated into the past do not count: it comes from its own future. Of several
@@ -60,15 +61,15 @@ def busiest(moments: Sequence[Start]) -> Start:
     Raises:
         ValueError: from none of them.
     """
-    full = [start for start in moments if start.full]
+    full = [moment for moment in moments if moment.full]
     if not full:
         raise ValueError("no scene lasts 10 s from any of its moments: nothing to rank maneuvers at")
     return max(full, key=_recorded_conflicts)
 
 
-def _recorded_conflicts(start: Start) -> int:
-    recorded = ~np.ma.getmaskarray(start.recorded())[0]
-    return int(recorded[start.traffic.conflicts].all(axis=1).sum())
+def _recorded_conflicts(moment: Moment) -> int:
+    recorded = ~np.ma.getmaskarray(moment.recorded)[0]
+    return int(recorded[moment.traffic.conflicts].all(axis=1).sum())
 
 
 def _build(folder: Path, intersection: Intersection, path: Path) -> Scenes:
@@ -100,23 +101,23 @@ def _build(folder: Path, intersection: Intersection, path: Path) -> Scenes:
     return scenes
 
 
-def _moments(scenes: Scenes) -> list[Start]:
-    moments, refused = starts(scenes)
+def _moments(scenes: Scenes) -> list[Moment]:
+    moments, refused = moments_of(scenes)
     print(f"{len(moments)} moments, one a second; {len(refused)} more left out because vehicles overlap in them")
     for moment, why in list(refused.items())[:3]:
         print(f"  {moment}: {why}")
     return moments
 
 
-def _rank(start: Start, predictor: Predictor, out: Path) -> None:
-    traffic = start.traffic
+def _rank(moment: Moment, predictor: Predictor, out: Path) -> None:
+    traffic = moment.traffic
     _heading("2. The busiest moment")
     print(
-        f"scene {start.scene.id}, {start.time:.0f} s after its begin: {_recorded_conflicts(start)} open conflicts among"
-        " recorded vehicles, the most\nof any moment whose scene lasts 10 s from there (the first, if several);"
+        f"scene {moment.scene.id}, {moment.time:.0f} s after its begin: {_recorded_conflicts(moment)} open conflicts"
+        " among recorded vehicles, the most\nof any moment whose scene lasts 10 s from there (the first, if several);"
         f" {len(traffic.conflicts)} with those extrapolated into the past"
     )
-    print(_vehicles(start).to_string(index=False))
+    print(_vehicles(moment).to_string(index=False))
     _heading(f"3. Crossing orders, predicted 10 s ahead ({predictor.name})")
     begin = time.perf_counter()
     table = rank_maneuvers(predictor, traffic)
@@ -132,21 +133,21 @@ def _rank(start: Start, predictor: Predictor, out: Path) -> None:
     interventions = table[table["intervention"]]
     best = predictor.predict(traffic, interventions["priorities"].iloc[0]) if orders else default
     name = "best order" if interventions["safe"].any() else "least bad order (unsafe)"
-    _draw(start, default, name, best, out)
+    _draw(moment, default, name, best, out)
 
 
-def _draw(start: Start, default: Prediction, name: str, best: Prediction, out: Path) -> None:
+def _draw(moment: Moment, default: Prediction, name: str, best: Prediction, out: Path) -> None:
     titles = tuple(
         f"{title}: {prediction.time_loss.sum():.1f} s lost"
         for title, prediction in (("no intervention", default), (name, best))
     )
-    write_figure(plot_positions(default, best, start.recorded(), (titles[0], titles[1])), out / "positions.png")
+    write_figure(plot_positions(default, best, moment.recorded, (titles[0], titles[1])), out / "positions.png")
     _written(out / "positions.png")
     animate({titles[0]: default, titles[1]: best}, out / "animation.gif")
     _written(out / "animation.gif")
 
 
-def _evaluate(scenes: Scenes, moments: Sequence[Start], path: Path) -> None:
+def _evaluate(scenes: Scenes, moments: Sequence[Moment], path: Path) -> None:
     _heading("4. Errors over the development scenes")
     print(
         f"predicted from {len(moments)} moments of {len(scenes)} scenes, all vehicles jointly; cars and trucks scored\n"
@@ -162,16 +163,16 @@ def _evaluate(scenes: Scenes, moments: Sequence[Start], path: Path) -> None:
     _written(path)
 
 
-def _vehicles(start: Start) -> pd.DataFrame:
-    traffic = start.traffic
+def _vehicles(moment: Moment) -> pd.DataFrame:
+    traffic = moment.traffic
     routes = [traffic.intersection.routes[index] for index in traffic.route]
     front = traffic.position + traffic.length / 2
     conflicts = [int((traffic.conflicts == i).any(axis=1).sum()) for i in range(len(traffic))]
     return pd.DataFrame(
         {
             "vehicle": traffic.ids,
-            "recorded": np.where(np.ma.getmaskarray(start.recorded())[0], "no", "yes"),
-            "class": [track.road_user for track in start.tracks()],
+            "recorded": np.where(np.ma.getmaskarray(moment.recorded)[0], "no", "yes"),
+            "class": [track.road_user for track in moment.tracks()],
             "route": [route.id for route in routes],
             "to stop line [m]": [f"{route.stop_line - s:.1f}" for route, s in zip(routes, front, strict=True)],
             "speed [m/s]": [f"{v:.1f}" for v in traffic.speed],

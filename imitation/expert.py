@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from intersection_env.envs.spaces import ACCELERATION
+from intersection_env.constants import ACCELERATION
 from intersection_env.scenes.scenes import Scenes
-from intersection_env.worlds.life import ReplayWorlds
+from intersection_env.worlds.replay import ReplayWorlds
 
 WORLDS = 256
 

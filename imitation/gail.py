@@ -20,7 +20,6 @@ import tyro
 from tensordict import TensorDict
 from tqdm import tqdm
 
-from agents.idm import distance_error, moments
 from agents.networks.driving import Driver, DrivingNetwork
 from agents.networks.export import driving_policy, gap_hash
 from agents.rollouts.envs import ReplayEnv
@@ -31,11 +30,15 @@ from agents.training.seeds import rollout_collector, train_seeds
 from imitation.discriminator import Discriminator, DiscriminatorLoss, DiscriminatorSettings
 from imitation.expert import expert_steps
 from imitation.replay_error import HORIZON, replay_error
-from intersection_env.policies.file import DT
+from intersection_env.constants import DT
+from intersection_env.evaluation.errors import distance_error
+from intersection_env.evaluation.moments import followed, moments_of
+from intersection_env.policies.named import gap_decider
 from intersection_env.prediction.predictor import Predictor
-from intersection_env.scenes.scenes import SPLITS, Scenes
-from intersection_env.worlds.life import ReplayWorlds, gap_decider
+from intersection_env.scenes.scene import SPLITS
+from intersection_env.scenes.scenes import Scenes
 from intersection_env.worlds.recorded_tracks import steps_to_act
+from intersection_env.worlds.replay import ReplayWorlds
 
 BETWEEN_MOMENTS = 4.0  # [s], of those that are predicted
 NOT_DECISIVE = ("scenes", "ppo", "run", "resume", "threads", "workers", "seeds", "tensorboard")
@@ -127,7 +130,7 @@ def train_driver(
         ValueError: no usable scene.
     """
     decider = gap_decider(settings.decider)
-    watched = moments(scenes.select("development"), BETWEEN_MOMENTS)
+    watched = followed(moments_of(scenes.select("development"), BETWEEN_MOMENTS)[0])
     if not watched:
         raise ValueError("no moment of the development scenes to predict from")
     best: dict[str, Any] = {"error": float("inf")}

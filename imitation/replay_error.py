@@ -11,7 +11,7 @@ import torch
 from agents.networks.driving import DrivingNetwork
 from imitation.expert import WORLDS, each_track
 from intersection_env.scenes.scenes import Scenes
-from intersection_env.worlds.life import ReplayWorlds
+from intersection_env.worlds.replay import ReplayWorlds
 
 HORIZON = 50  # steps, 10 s
 DISTANCE_TO_STOP_LINE, SPEED, DELTA = 0, 1, 11  # of the features

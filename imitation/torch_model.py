@@ -14,7 +14,8 @@ import torch
 from torch import Tensor
 
 from intersection_env import Traffic, _core
-from intersection_env.policies.file import DT, NetworkWeights, PolicyFile
+from intersection_env.constants import DT
+from intersection_env.policies.file import NetworkWeights, PolicyFile
 
 BRAKING = 4.0  # [m/s²]
 LEAST_LEAD_GAP, ROUNDED_STOP, OVERSHOOT = 0.5, 0.02, 0.05  # [m], of what limits a network

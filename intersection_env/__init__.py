@@ -12,9 +12,11 @@ from intersection_env.envs.replay_vector import ReplayVector
 from intersection_env.maps.intersection import Intersection
 from intersection_env.prediction.maneuvers import crossing_orders, rank_maneuvers
 from intersection_env.prediction.predictor import Observation, Prediction, Predictor, Summary
-from intersection_env.scenes.scenes import Scene, Scenes
+from intersection_env.scenes.scene import Scene
+from intersection_env.scenes.scenes import Scenes
 from intersection_env.traffic import Traffic, Vehicle
-from intersection_env.worlds.life import ClosedLoopWorlds, ReplayWorlds
+from intersection_env.worlds.closed_loop import ClosedLoopWorlds
+from intersection_env.worlds.replay import ReplayWorlds
 
 __all__ = [
     "ClosedLoop",

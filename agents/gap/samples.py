@@ -15,9 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 from tqdm import tqdm
 
+from intersection_env.constants import DT
 from intersection_env.maps.intersection import Conflict, Intersection
-from intersection_env.prediction.predictor import DT, Predictor
-from intersection_env.scenes.scenes import Scene, Scenes, Track
+from intersection_env.prediction.predictor import Predictor
+from intersection_env.scenes.scene import Scene, Track
+from intersection_env.scenes.scenes import Scenes
 
 LED_DISTANCE = 10.0  # [m], ours: a lead this near slows a driver down whatever the speed
 LED_TIME = 2.0  # [s], ours: or one this near in time

@@ -24,7 +24,8 @@ from agents.networks.export import policy_file
 from agents.networks.gap import GapNetwork, least_logit
 from agents.training.folder import RunFolder, file_hash
 from agents.training.interrupt import Interrupted, ctrl_c
-from intersection_env.scenes.scenes import SPLITS, Scenes
+from intersection_env.scenes.scene import SPLITS
+from intersection_env.scenes.scenes import Scenes
 
 INPUT_NOISE = (0.5, 0.1, 2.0, 2.0)  # [m], [m/s], [m], [m/s]; paper, Section IV-B.1
 CYCLE = 100  # ours: the paper names CyclicLR, not its period; batches up, and as many down

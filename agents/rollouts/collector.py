@@ -16,7 +16,8 @@ from torchrl.envs.utils import ExplorationType
 
 from agents.networks.driving import Driver
 from agents.rollouts.envs import ClosedLoopEnv, ReplayEnv
-from intersection_env.worlds.life import ClosedLoopWorlds, ReplayWorlds
+from intersection_env.worlds.closed_loop import ClosedLoopWorlds
+from intersection_env.worlds.replay import ReplayWorlds
 
 Worlds: TypeAlias = ClosedLoopWorlds | ReplayWorlds
 

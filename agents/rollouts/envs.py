@@ -17,7 +17,9 @@ from intersection_env.arguments import check_seed
 from intersection_env.envs.spaces import observation_space
 from intersection_env.maps.intersection import Intersection
 from intersection_env.scenes.scenes import Scenes
-from intersection_env.worlds.life import ClosedLoopWorlds, ReplayWorlds, fresh_seed
+from intersection_env.worlds.closed_loop import ClosedLoopWorlds
+from intersection_env.worlds.life import fresh_seed
+from intersection_env.worlds.replay import ReplayWorlds
 
 AGENTS = "agents"
 

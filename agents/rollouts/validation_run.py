@@ -10,9 +10,9 @@ from tensordict import TensorDict
 
 from agents.networks.driving import Driver, DrivingNetwork
 from agents.rollouts.collector import Rollouts
+from intersection_env.constants import DT
 from intersection_env.maps.intersection import Intersection
-from intersection_env.policies.file import DT
-from intersection_env.worlds.life import ClosedLoopWorlds
+from intersection_env.worlds.closed_loop import ClosedLoopWorlds
 
 STEPS = 10_000  # 2000 s; paper, Section IV-B.2
 SPEED = 1  # of the features

@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from data.pipeline.shared_lanes import overlap_length, pair_gap
+from intersection_env.constants import DT
 from intersection_env.maps.intersection import Conflict, Intersection
-from intersection_env.prediction.predictor import DT
-from intersection_env.scenes.scenes import Scene, Track
+from intersection_env.scenes.scene import Scene, Track
 
 AT_LINE = 2.0  # [m], ours: a front bumper this close to the stop line is at it
 LONGEST_GAP = 10.0  # [s], ours: nearly everybody accepts a longer one, so it tells nothing

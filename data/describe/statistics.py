@@ -16,8 +16,8 @@ import numpy as np
 from data.describe.gaps import LONGEST_GAP, critical_gap, offered_gaps, open_pairs
 from data.pipeline.filters import together, touchings
 from data.pipeline.shared_lanes import overlap_length, pair_gap
+from intersection_env.constants import DT
 from intersection_env.maps.intersection import Intersection
-from intersection_env.prediction.predictor import DT
 from intersection_env.scenes.scenes import Scenes
 
 STANDING = 0.5  # [m/s], ours: slower is standing

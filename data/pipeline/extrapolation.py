@@ -14,9 +14,9 @@ from dataclasses import replace
 import numpy as np
 
 from data.pipeline.shared_lanes import overlap_length, pair_gap
+from intersection_env.constants import DT
 from intersection_env.maps.intersection import Intersection
-from intersection_env.prediction.predictor import DT
-from intersection_env.scenes.scenes import Track
+from intersection_env.scenes.scene import Track
 
 HORIZON = 6.0  # [s], paper, Section IV.A
 AT_START = 1  # ours: steps; a track that begins this early was inside when the recording began

@@ -14,9 +14,9 @@ from data.formats.ind_checks import PEDESTRIAN
 from data.pipeline.projection import Projection, RouteLine
 from data.pipeline.shared_lanes import PairGap, overlap_length, pair_gap
 from intersection_env import _core
+from intersection_env.constants import DT
 from intersection_env.maps.intersection import Intersection
-from intersection_env.prediction.predictor import DT
-from intersection_env.scenes.scenes import Track
+from intersection_env.scenes.scene import Track
 from intersection_env.traffic import naming
 
 NEAR = 35.0  # [m], paper: the field of view reaches this far along the main road; arc length from the junction

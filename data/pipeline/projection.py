@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from data.formats.ind import Recording
 from data.formats.ind_checks import VEHICLES
 from intersection_env.maps.intersection import Intersection, Route
-from intersection_env.scenes.scenes import Track
+from intersection_env.scenes.scene import Track
 
 RMS_EXCESS = 1.5  # [m], ours: half a lane; neighbouring lanes are 2.8 m apart
 MAX_EXCESS = 3.0  # [m], ours: left-turners cut corners by up to 2 m

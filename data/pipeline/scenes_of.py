@@ -13,9 +13,9 @@ from data.formats.ind import Recording
 from data.pipeline.extrapolation import extrapolate
 from data.pipeline.filters import Interval, crossings, overtakings, touchings
 from data.pipeline.projection import project
+from intersection_env.constants import DT
 from intersection_env.maps.intersection import Intersection
-from intersection_env.prediction.predictor import DT
-from intersection_env.scenes.scenes import Scene, Track
+from intersection_env.scenes.scene import Scene, Track
 
 LEAST_DURATION = 12.0  # [s], ours: a prediction of 10 s from more than one moment
 

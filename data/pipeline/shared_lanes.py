@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from intersection_env.maps.intersection import Intersection, SharedLane
-from intersection_env.scenes.scenes import Track
+from intersection_env.scenes.scene import Track
 
 
 class PairGap(NamedTuple):

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from intersection_env.scenes.scenes import SPLITS
+from intersection_env.scenes.scene import SPLITS
 
 SETTINGS = "settings.json"
 VALIDATION_SHARE = 0.1  # paper, Section IV.A

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 import intersection_env
 from experiments.bench.drivers import idm_actions
 from experiments.bench.stopwatch import Run, rate, timed
-from intersection_env.envs.spaces import ACCELERATION
+from intersection_env.constants import ACCELERATION
 
 Arrays = NDArray[np.float32]
 STEPS, VECTOR_WORLDS = 1500, 64

@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from intersection_env import ClosedLoopWorlds
-from intersection_env.envs.spaces import ACCELERATION
-from intersection_env.policies.file import DT
+from intersection_env.constants import ACCELERATION, DT
 
 if TYPE_CHECKING:
     import torch

@@ -26,8 +26,8 @@ from data.sumo import demand as sumo_demand
 from data.sumo import net_file as sumo_net_file
 from data.sumo import network as sumo_network
 from experiments.bench.stopwatch import summary
+from intersection_env.constants import DT
 from intersection_env.maps.source import MapSource
-from intersection_env.policies.file import DT
 
 MAP = Path(__file__).parents[2] / "intersection_env" / "maps" / "bendplatz.json"
 REPEATS = 5

@@ -20,7 +20,7 @@ from experiments.bench.drivers import fitted_network, idm_actions
 from experiments.bench.environment_peers import peer_rates
 from experiments.bench.stopwatch import Run, rate, reference_rate
 from intersection_env import ClosedLoopWorlds, ReplayWorlds, _core
-from intersection_env.envs.spaces import ACCELERATION
+from intersection_env.constants import ACCELERATION
 
 Arrays = NDArray[np.float32]
 Worlds = ClosedLoopWorlds | ReplayWorlds

@@ -20,8 +20,9 @@ import numpy as np
 from experiments.bench.environment_peers import MAP, NOT_INSTALLED, drivers, in_own_process, keep_present, sumo_files
 from experiments.bench.timed_traffic import VEHICLES, both_networks, traffic
 from intersection_env import _core
+from intersection_env.constants import DT
 from intersection_env.maps.source import MapSource
-from intersection_env.policies.file import DT, NetworkWeights
+from intersection_env.policies.file import NetworkWeights
 
 REPEATS, SECONDS = 9, 0.15  # repetitions, and of each at least
 SEARCHED = 600.0  # [s] of libsumo's traffic, in which 15 vehicles are found

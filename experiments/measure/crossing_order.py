@@ -20,10 +20,12 @@ from numpy.typing import NDArray
 
 from experiments.results_files import write_result
 from intersection_env import _core
-from intersection_env.evaluation.errors import HORIZONS, SCORED, Forecaster, Start, starts
+from intersection_env.constants import DT, STEPS
+from intersection_env.evaluation.errors import Forecaster
 from intersection_env.evaluation.intervals import interval
+from intersection_env.evaluation.moments import HORIZONS, SCORED, Moment, moments_of
 from intersection_env.prediction.measures import crossing_order
-from intersection_env.prediction.predictor import DT, STEPS, Predictor
+from intersection_env.prediction.predictor import Predictor
 from intersection_env.scenes.scenes import Scenes
 
 PRIORITY_FIRST, SUMO_RULE, CRITICAL_GAP = "priority_first", "sumo_rule", "critical_gap"
@@ -55,7 +57,7 @@ class Pairs:
         return {name: right[chosen & (self.recording == name)] for name in np.unique(self.recording).tolist()}
 
 
-def recorded_order(start: Start) -> tuple[NDArray[np.int8], NDArray[np.int64]]:
+def recorded_order(moment: Moment) -> tuple[NDArray[np.int8], NDArray[np.int64]]:
     """Who reached each conflict first in the recording, and after how many steps the first of the two did.
 
     A vehicle whose track has ended can be anywhere from there to its route's end. So an order is known where it is the
@@ -64,8 +66,8 @@ def recorded_order(start: Start) -> tuple[NDArray[np.int8], NDArray[np.int64]]:
     Returns:
         (pair,) as `crossing_order`, but 0 also where the order is not known; and (pair,), of no meaning there.
     """
-    traffic, core_map = start.traffic, start.traffic.intersection.core
-    stayed, tracked = _positions(start)
+    traffic, core_map = moment.traffic, moment.traffic.intersection.core
+    stayed, tracked = _positions(moment)
     jumped = np.repeat(stayed[None], len(traffic), axis=0)  # in scenario k, vehicle k alone
     for k, route in enumerate(traffic.route.tolist()):
         jumped[k, ~tracked[:, k], k] = traffic.intersection.routes[route].length
@@ -78,18 +80,18 @@ def recorded_order(start: Start) -> tuple[NDArray[np.int8], NDArray[np.int64]]:
     return np.where(one == other, one, np.int8(0)), reached.argmax(axis=0)
 
 
-def _positions(start: Start) -> tuple[NDArray[np.float32], Flags]:
+def _positions(moment: Moment) -> tuple[NDArray[np.float32], Flags]:
     """(time, vehicle) as recorded, at a standstill after a track's end [m]; and whether the track lasts till then."""
-    position = np.zeros((STEPS + 1, len(start.traffic)), np.float32)
+    position = np.zeros((STEPS + 1, len(moment.traffic)), np.float32)
     tracked = np.zeros(position.shape, np.bool_)
-    for i, track in enumerate(start.tracks()):
-        own = track.position[start.future(track)]
+    for i, track in enumerate(moment.tracks()):
+        own = track.position[moment.future(track)]
         position[: len(own), i], position[len(own) :, i] = own, own[-1]
         tracked[: len(own), i] = True
     return position, tracked
 
 
-def scored_pairs(predictors: Sequence[Forecaster], moments: Sequence[Start]) -> Pairs:
+def scored_pairs(predictors: Sequence[Forecaster], moments: Sequence[Moment]) -> Pairs:
     """The pairs of cars and trucks whose recorded order is known within the horizon; bicycles only take part.
 
     Raises:
@@ -103,7 +105,7 @@ def scored_pairs(predictors: Sequence[Forecaster], moments: Sequence[Start]) -> 
     twice = [name for name in names if names.count(name) > 1]
     if twice:
         raise ValueError(f'"{twice[0]}" names two models; each needs a name of its own, and {BASELINES} are taken')
-    parts = [one for start in moments if (one := _pairs_of([*predictors, *rules], start)) is not None]
+    parts = [one for moment in moments if (one := _pairs_of([*predictors, *rules], moment)) is not None]
     if not parts:
         raise ValueError(f"no pair of vehicles of known order in {len(moments)} moments")
     columns = ("recording", "order", "steps", "recorded")
@@ -112,17 +114,17 @@ def scored_pairs(predictors: Sequence[Forecaster], moments: Sequence[Start]) -> 
     return Pairs(**joined, predicted=predicted)
 
 
-def _pairs_of(predictors: Sequence[Forecaster], start: Start) -> Pairs | None:
-    traffic, tracks = start.traffic, start.tracks()
+def _pairs_of(predictors: Sequence[Forecaster], moment: Moment) -> Pairs | None:
+    traffic, tracks = moment.traffic, moment.tracks()
     users = np.array([track.road_user in SCORED for track in tracks], np.bool_)
-    observed = np.array([track.observed[start.step - track.start] for track in tracks], np.bool_)
-    order, steps = recorded_order(start)
+    observed = np.array([track.observed[moment.step - track.start] for track in tracks], np.bool_)
+    order, steps = recorded_order(moment)
     scored = (order != 0) & users[traffic.conflicts].all(axis=1)
     if not scored.any():
         return None
     predicted = {one.name: crossing_order(traffic, one.predict(traffic))[0, scored] for one in predictors}
     return Pairs(
-        recording=np.full(scored.sum(), start.scene.recording),
+        recording=np.full(scored.sum(), moment.scene.recording),
         order=order[scored],
         steps=steps[scored],
         recorded=observed[traffic.conflicts[scored]].all(axis=1),
@@ -130,13 +132,13 @@ def _pairs_of(predictors: Sequence[Forecaster], start: Start) -> Pairs | None:
     )
 
 
-def order_results(predictors: Sequence[Forecaster], moments: Sequence[Start]) -> dict[str, Any]:
+def order_results(predictors: Sequence[Forecaster], moments: Sequence[Moment]) -> dict[str, Any]:
     """How often predicted crossing orders are the recorded ones, with intervals over recordings.
 
     Args:
         predictors: beside the baselines, which are always measured: who has priority goes first; the IDM with SUMO's
             rule; the IDM with critical gaps.
-        moments: as `starts` gives them.
+        moments: as `moments_of` gives them.
 
     Returns:
         By population, `pairs`, of which `settled` (one vehicle has reached the conflict at the start, so that all are
@@ -235,7 +237,7 @@ class Options:
 def main(options: Options) -> int:
     """Measures as told, prints the tables, writes the results; returns the exit status."""
     try:
-        moments, refused = starts(Scenes.load(options.scenes).select(options.split))
+        moments, refused = moments_of(Scenes.load(options.scenes).select(options.split))
         results = order_results([Predictor.load(policy) for policy in options.policies], moments)
         content = {"split": options.split, "refused": len(refused), **results}
         print(table(results))

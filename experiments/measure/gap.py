@@ -38,7 +38,7 @@ from experiments.results_files import write_result
 from experiments.show.gap import plot
 from intersection_env.plots.files import write_figure
 from intersection_env.policies.file import PolicyFile
-from intersection_env.prediction.predictor import POLICIES
+from intersection_env.policies.named import POLICIES
 from intersection_env.scenes.scenes import Scenes
 
 if TYPE_CHECKING:

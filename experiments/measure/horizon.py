@@ -17,11 +17,12 @@ from numpy.typing import NDArray
 from tqdm import tqdm
 
 from experiments.results_files import write_result
-from intersection_env.evaluation.errors import POPULATIONS, Errors, Forecaster, Start, errors, starts
+from intersection_env.constants import DT, STEPS
+from intersection_env.evaluation.errors import POPULATIONS, Errors, Forecaster, error_figures, errors
 from intersection_env.evaluation.intervals import interval
+from intersection_env.evaluation.moments import Moment, moments_of
 from intersection_env.plots.files import write_figure
-from intersection_env.prediction.measures import error_figures
-from intersection_env.prediction.predictor import DT, STEPS, Predictor
+from intersection_env.prediction.predictor import Predictor
 from intersection_env.scenes.scenes import Scenes
 
 if TYPE_CHECKING:
@@ -120,7 +121,7 @@ def _interval(found: dict[str, Errors], names: list[str], quantity: str, figure:
     return interval({one: rows[recording == one] for one in sorted(set(recording.tolist()))}, statistic)
 
 
-def measured(forecasters: Sequence[Forecaster], moments: Sequence[Start]) -> dict[str, Any]:
+def measured(forecasters: Sequence[Forecaster], moments: Sequence[Moment]) -> dict[str, Any]:
     """The results of these models from these moments.
 
     Raises:
@@ -164,7 +165,7 @@ def plot(results: dict[str, Any], names: dict[str, str]) -> Figure:
 def main(options: Options) -> int:
     """Measures as told, prints the table, writes the results; returns the exit status."""
     try:
-        moments, refused = starts(Scenes.load(options.scenes).select(options.split))
+        moments, refused = moments_of(Scenes.load(options.scenes).select(options.split))
         results = measured([Predictor.load(policy) for policy in options.policies], moments)
         print(table(results))
         if options.figure:

@@ -18,8 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from experiments.results_files import write_result
-from intersection_env.evaluation.errors import Start, contested, starts, thinned
 from intersection_env.evaluation.intervals import interval
+from intersection_env.evaluation.moments import Moment, contested, moments_of, thinned
 from intersection_env.plots.files import write_figure
 from intersection_env.prediction.maneuvers import COUNT_LIMIT, LIMIT, WORTHWHILE_GAIN, rank_maneuvers
 from intersection_env.prediction.predictor import Predictor
@@ -68,7 +68,7 @@ def best_order(predictor: Predictor, traffic: Traffic, cooperative: Sequence[str
     )
 
 
-def maneuver_results(predictor: Predictor, moments: Sequence[Start], seed: int, limit: int = LIMIT) -> dict[str, Any]:
+def maneuver_results(predictor: Predictor, moments: Sequence[Moment], seed: int, limit: int = LIMIT) -> dict[str, Any]:
     """How many orders are feasible and what the best safe one saves, with intervals over recordings.
 
     Args:
@@ -90,11 +90,11 @@ def maneuver_results(predictor: Predictor, moments: Sequence[Start], seed: int, 
         raise ValueError("no moments with an open conflict to search for orders in")
     generator = np.random.default_rng(seed)
     found = []
-    for start in moments:
-        sets = cooperative_sets(start.traffic.ids, generator)
-        found.append([best_order(predictor, start.traffic, cooperative, limit) for cooperative in sets])
+    for moment in moments:
+        sets = cooperative_sets(moment.traffic.ids, generator)
+        found.append([best_order(predictor, moment.traffic, cooperative, limit) for cooperative in sets])
     orders = np.array([row[-1].orders for row in found])
-    recording = np.array([start.scene.recording for start in moments])
+    recording = np.array([moment.scene.recording for moment in moments])
     columns = np.array([[(one.gain, one.worthwhile, one.time_loss) for one in row] for row in found])
     names = sorted(set(recording.tolist()))
     shares = []
@@ -231,7 +231,7 @@ class Options:
 def main(options: Options) -> int:
     """Measures as told, prints the table, writes the results; returns the exit status."""
     try:
-        moments, _ = starts(Scenes.load(options.scenes).select(options.split))
+        moments, _ = moments_of(Scenes.load(options.scenes).select(options.split))
         chosen = thinned(contested(moments), options.moments)
         results = maneuver_results(Predictor.load(options.policy), chosen, options.seed, options.limit)
         print(table(results))

@@ -18,8 +18,8 @@ from experiments.bench.predictor import SIZES
 from experiments.bench.predictor_peers import SEARCHED
 from experiments.measure.runtime import Times, garbage_kept, model_row
 from intersection_env import _core
+from intersection_env.constants import DT
 from intersection_env.maps.source import MapSource
-from intersection_env.policies.file import DT
 
 SUMO_STATES, SUMO_SPACING, SUMO_REPEATS = 20, 2.0, 3  # a number of vehicles; [s] of one number's, at least; of each
 

@@ -23,7 +23,7 @@ from agents.networks.export import driving_network
 from agents.rollouts.validation_run import STEPS, ValidationRun, validation_run
 from experiments.results_files import write_result
 from imitation.expert import expert_steps
-from intersection_env.envs.spaces import ACCELERATION
+from intersection_env.constants import ACCELERATION
 from intersection_env.plots.files import write_figure
 from intersection_env.prediction.predictor import Predictor
 from intersection_env.scenes.scenes import Scenes

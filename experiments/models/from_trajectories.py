@@ -8,8 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from intersection_env import _core
+from intersection_env.constants import DT, STEPS
 from intersection_env.prediction.measures import time_loss
-from intersection_env.prediction.predictor import DT, STEPS, Prediction
+from intersection_env.prediction.predictor import Prediction
 from intersection_env.traffic import Traffic
 
 Floats = NDArray[np.floating[Any]]

@@ -31,10 +31,12 @@ from numpy.typing import NDArray
 from data.sumo import network as sumo_network
 from experiments.bench.environment_peers import MAP, sumo_files
 from experiments.models.from_trajectories import prediction_of_motions
-from intersection_env.evaluation.errors import evaluate, starts
+from intersection_env.constants import STEPS
+from intersection_env.evaluation.errors import evaluate
+from intersection_env.evaluation.moments import moments_of
 from intersection_env.maps.intersection import Intersection
 from intersection_env.maps.source import MapSource
-from intersection_env.prediction.predictor import STEPS, Prediction, Predictor
+from intersection_env.prediction.predictor import Prediction, Predictor
 from intersection_env.scenes.scene import SPLITS
 from intersection_env.scenes.scenes import Scenes
 from intersection_env.traffic import Traffic
@@ -52,7 +54,7 @@ class SumoPredictor:
     name = "sumo"
 
     def __init__(self) -> None:
-        """Prepares the network; SUMO starts with the context."""
+        """Prepares the network; SUMO moments_of with the context."""
         self._source = MapSource.read(MAP)
         self._intersection = Intersection.load(MAP.with_suffix(".map"))
         self._arcs = sumo_network.build(self._source, MAP.with_suffix(".map").read_text(encoding="utf-8")).arcs
@@ -188,7 +190,7 @@ def main() -> None:
     parser.add_argument("--scenes", default="bendplatz", help="scenes that ship, or a scenes file")
     parser.add_argument("--split", default="development", choices=SPLITS)
     options = parser.parse_args()
-    moments, _ = starts(Scenes.load(options.scenes).select(options.split))
+    moments, _ = moments_of(Scenes.load(options.scenes).select(options.split))
     begin = time.perf_counter()
     sumo = predictions([one.traffic for one in moments])
     print(f"{len(moments)} moments, {(time.perf_counter() - begin) / len(moments) * 1e3:.1f} ms each by SUMO")

@@ -30,7 +30,8 @@ from experiments.results_files import write_result
 from imitation.gail import PROFILES as GAIL_PROFILES
 from imitation.replay_error import replay_error
 from imitation.torch_model import TorchPredictor
-from intersection_env.evaluation.errors import Forecaster, Start, contested, errors, starts, thinned
+from intersection_env.evaluation.errors import Forecaster, errors
+from intersection_env.evaluation.moments import Moment, contested, moments_of, thinned
 from intersection_env.policies.file import PolicyFile
 from intersection_env.prediction.predictor import Predictor
 from intersection_env.scenes.scenes import Scenes
@@ -141,7 +142,7 @@ class Ablations:
         moments = thinned(contested(self._moments), LEAD_MOMENTS)  # torch operations are slow
         return {one.name: self._joint(one, moments) for one in forecasters}
 
-    def _joint(self, forecaster: Forecaster, moments: Sequence[Start]) -> dict[str, Any]:
+    def _joint(self, forecaster: Forecaster, moments: Sequence[Moment]) -> dict[str, Any]:
         """Errors after 10 s of vehicles recorded at the start and then, and how often crossing orders are right."""
         order = order_results([forecaster], moments)["recorded"]["models"][forecaster.name]
         at_10s = horizon_results({forecaster.name: errors(forecaster, moments)})["at_10s"][forecaster.name]
@@ -152,8 +153,8 @@ class Ablations:
         return Scenes.load(self.job.scenes)
 
     @cached_property
-    def _moments(self) -> list[Start]:
-        return starts(self._scenes.select("development"))[0]
+    def _moments(self) -> list[Moment]:
+        return moments_of(self._scenes.select("development"))[0]
 
 
 def _predicted(metrics: Path) -> list[float]:

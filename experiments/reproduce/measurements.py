@@ -24,10 +24,12 @@ from experiments.reproduce.workspace import Job
 from experiments.results_files import write_result
 from imitation.expert import expert_steps
 from imitation.replay_error import replay_error
-from intersection_env.evaluation.errors import Forecaster, Start, contested, starts
+from intersection_env.evaluation.errors import Forecaster
+from intersection_env.evaluation.moments import Moment, contested, moments_of
 from intersection_env.policies.file import PolicyFile
 from intersection_env.prediction.predictor import Predictor
-from intersection_env.scenes.scenes import SPLITS, Scenes
+from intersection_env.scenes.scene import SPLITS
+from intersection_env.scenes.scenes import Scenes
 
 SIMULATED = Path("data/recordings").resolve()
 SEED = 0  # of random choices in the measurements
@@ -63,22 +65,22 @@ class Measurements:
         everybody: list[Forecaster] = [*self._models().values()]
         for seed in self.options.seeds:
             everybody += [self._named(f"{name}_{seed}") for name in ("gail", "ppo")]
-        moments, _ = starts(scenes)
+        moments, _ = moments_of(scenes)
         sumo, missing = self._sumo(moments)
         results = measured([*everybody, *sumo], moments)
         self._write(f"horizon_{split}", {"split": split, "missing": missing, **results})
 
-    def _sumo(self, moments: Sequence[Start]) -> tuple[list[Forecaster], dict[str, str]]:
+    def _sumo(self, moments: Sequence[Moment]) -> tuple[list[Forecaster], dict[str, str]]:
         """SUMO as a predictor, and why not."""
         if self.options.map != "bendplatz":
             return [], {"sumo": "there is a network for Bendplatz only"}
         try:
-            return [sumo_predictions([start.traffic for start in moments])], {}
+            return [sumo_predictions([moment.traffic for moment in moments])], {}
         except ModuleNotFoundError as error:
             return [], {"sumo": str(error)}
 
     def _order(self, split: str) -> None:
-        moments, _ = starts(Scenes.load(self.job.scenes).select(split))
+        moments, _ = moments_of(Scenes.load(self.job.scenes).select(split))
         models = self._models()
         results = order_results([models[name] for name in ("gail", "ppo", "idm", "idm_calibrated")], moments)
         self._write(f"order_{split}", {"split": split, **results})
@@ -102,7 +104,7 @@ class Measurements:
         self._write("replay_development", found)
 
     def _maneuvers(self) -> None:
-        moments, _ = starts(Scenes.load(self.job.scenes).select("validation"))
+        moments, _ = moments_of(Scenes.load(self.job.scenes).select("validation"))
         results = maneuver_results(self._named("gail"), contested(moments), SEED)
         self._write("maneuvers_validation", results)
 

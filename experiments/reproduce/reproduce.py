@@ -19,7 +19,7 @@ from experiments.reproduce.measurements import Measurements
 from experiments.reproduce.stages import exit_status_of
 from experiments.reproduce.trainings import Trainings
 from experiments.reproduce.workspace import Job, Options
-from intersection_env.prediction.predictor import POLICIES
+from intersection_env.policies.named import POLICIES
 
 TRAINED = ("gap", "idm_calibrated", "ppo", "gail")
 """Policies that ship."""

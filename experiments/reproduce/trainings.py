@@ -8,7 +8,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from agents.gap.train import PROFILES as GAP_PROFILES
-from agents.idm import ROUNDS, distance_error, moments
+from agents.idm import ROUNDS
 from agents.ppo import PROFILES as PPO_PROFILES
 from agents.training.folder import file_hash
 from data.build import build
@@ -17,12 +17,14 @@ from experiments.reproduce.stages import run_module, run_trainings
 from experiments.reproduce.workspace import Job
 from imitation.gail import BETWEEN_MOMENTS
 from imitation.gail import PROFILES as GAIL_PROFILES
-from intersection_env.evaluation.errors import starts
+from intersection_env.evaluation.errors import distance_error
+from intersection_env.evaluation.moments import followed, moments_of
 from intersection_env.files import written_whole
 from intersection_env.maps.intersection import MAPS, Intersection
 from intersection_env.policies.file import PolicyFile
 from intersection_env.prediction.predictor import Predictor
-from intersection_env.scenes.scenes import SPLITS, Scenes
+from intersection_env.scenes.scene import SPLITS
+from intersection_env.scenes.scenes import Scenes
 
 
 class Trainings:
@@ -62,7 +64,7 @@ class Trainings:
         scenes = build(self.options.recordings, intersection)
         print(scenes_summary(scenes))
         for split in SPLITS:
-            if not starts(scenes.select(split))[0]:
+            if not moments_of(scenes.select(split))[0]:
                 raise ValueError(f'{self.options.recordings}: no scene for split "{split}" with vehicles to predict')
         scenes.save(self.job.scenes)
 
@@ -94,8 +96,8 @@ class Trainings:
             return ["imitation.gail", "default", *arguments, "--ppo", str(self.job.run_of(f"ppo_{seed}"))]
 
         self._seeds("gail", GAIL_PROFILES["default"][1].epochs, command)
-        asked = moments(Scenes.load(self.job.scenes).select("development"), BETWEEN_MOMENTS)
-        self._best("gail", lambda path: -distance_error(Predictor.load(path), asked))
+        watched = followed(moments_of(Scenes.load(self.job.scenes).select("development"), BETWEEN_MOMENTS)[0])
+        self._best("gail", lambda path: -distance_error(Predictor.load(path), watched))
 
     def _seeds(self, name: str, epochs: int, command: Callable[[int], list[str]]) -> None:
         """Trains a driver with each seed, as many at a time as there are cores."""

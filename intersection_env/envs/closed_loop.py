@@ -18,7 +18,8 @@ from intersection_env.envs.actions import read_actions
 from intersection_env.envs.spaces import action_space, observation_space
 from intersection_env.envs.view import FRAMES_PER_SECOND, RENDER_MODES, View
 from intersection_env.maps.intersection import Intersection
-from intersection_env.worlds.life import ClosedLoopWorlds, fresh_seed
+from intersection_env.worlds.closed_loop import ClosedLoopWorlds
+from intersection_env.worlds.life import fresh_seed
 
 Array = NDArray[np.float32]
 Steps = tuple[dict[str, Array], dict[str, float], dict[str, bool], dict[str, bool], dict[str, dict[str, Any]]]

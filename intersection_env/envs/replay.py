@@ -10,12 +10,13 @@ import numpy as np
 from gymnasium.error import ResetNeeded
 from numpy.typing import NDArray
 
+from intersection_env.constants import DT
 from intersection_env.envs.actions import check_actions
 from intersection_env.envs.spaces import action_space, observation_space
 from intersection_env.envs.view import FRAMES_PER_SECOND, RENDER_MODES, View
-from intersection_env.policies.file import DT
 from intersection_env.scenes.scenes import Scenes
-from intersection_env.worlds.life import ReplayWorlds, fresh_seed
+from intersection_env.worlds.life import fresh_seed
+from intersection_env.worlds.replay import ReplayWorlds
 
 Array = NDArray[np.float32]
 OPTIONS = ("scene", "vehicle")

@@ -12,12 +12,13 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
 from intersection_env.arguments import whole_number
+from intersection_env.constants import DT
 from intersection_env.envs.actions import check_actions
 from intersection_env.envs.spaces import action_space, observation_space
 from intersection_env.envs.view import FRAMES_PER_SECOND, View
-from intersection_env.policies.file import DT
 from intersection_env.scenes.scenes import Scenes
-from intersection_env.worlds.life import Autoreset, ReplayWorlds, fresh_seed
+from intersection_env.worlds.life import Autoreset, fresh_seed
+from intersection_env.worlds.replay import ReplayWorlds
 
 Array = NDArray[Any]
 TRUE = b"\1"

@@ -8,11 +8,9 @@ import numpy as np
 from gymnasium.spaces import Box
 
 from intersection_env import _core
+from intersection_env.constants import ACCELERATION, DT, FREE_SPEED, LEAD_RANGE
 from intersection_env.maps.intersection import Intersection
-from intersection_env.policies.file import DT
 
-ACCELERATION = 6.0  # [m/s²] at an action of 1; ours: every row of the reward can fire
-LEAD_RANGE, FREE_SPEED = 100.0, 100.0 / 3.6  # [m], [m/s]: the lead's distance and speed where there is none
 ROUNDING = 0.1  # [m] and [m/s], on top of every bound: float32 along a route
 
 

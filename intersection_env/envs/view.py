@@ -9,7 +9,8 @@ import numpy as np
 from gymnasium.error import ResetNeeded
 from numpy.typing import NDArray
 
-from intersection_env.worlds.life import ClosedLoopWorlds, ReplayWorlds
+from intersection_env.worlds.closed_loop import ClosedLoopWorlds
+from intersection_env.worlds.replay import ReplayWorlds
 
 if TYPE_CHECKING:
     from intersection_env.render.renderer import Renderer
@@ -49,14 +50,14 @@ class View:
             return None
         if not worlds.is_reset:
             raise ResetNeeded("there is nothing to render before the first reset")
-        from intersection_env.render.of_worlds import moment_of
+        from intersection_env.render.of_worlds import snapshot_of
         from intersection_env.render.renderer import Renderer
 
         self._renderer = self._renderer or Renderer(worlds.intersection)
-        moment = moment_of(worlds, world)
+        snapshot = snapshot_of(worlds, world)
         if self._mode == "rgb_array":
-            return self._renderer.rgb_array(moment)
-        self._renderer.show(moment, FRAMES_PER_SECOND)
+            return self._renderer.rgb_array(snapshot)
+        self._renderer.show(snapshot, FRAMES_PER_SECOND)
         return None
 
     def close(self) -> None:

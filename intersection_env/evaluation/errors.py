@@ -4,97 +4,50 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
-import pandas as pd
 from numpy.typing import NDArray
 
-from intersection_env.prediction.measures import error_figures, time_loss
-from intersection_env.prediction.predictor import DT, STEPS, Prediction
-from intersection_env.scenes.scenes import Scene, Scenes, Track
+from intersection_env.constants import DT, STEPS
+from intersection_env.evaluation.moments import HORIZONS, Moment
+from intersection_env.prediction.measures import time_loss
+from intersection_env.prediction.predictor import Prediction
 from intersection_env.traffic import Traffic
 
-HORIZONS = (2.0, 4.0, 6.0, 8.0, 10.0)  # [s], paper, Section IV-C
-EVERY = 1.0  # [s] ours: between two starts; nearer ones see nearly the same scene
-SCORED = ("car", "truck_bus")  # bicycles take part, but are not scored
+if TYPE_CHECKING:
+    import pandas as pd
+
 POPULATIONS = ("recorded", "extrapolated")
-_LEAST = round(HORIZONS[0] / DT)
 
 
-@dataclass(frozen=True, eq=False)
-class Start:
-    """One recorded moment from which to predict."""
+@dataclass(frozen=True)
+class ErrorFigures:
+    """An error's distribution, as the paper quotes it."""
 
-    scene: Scene
-    step: int
-    traffic: Traffic
-    """The vehicles present, in the order of the scene's tracks."""
-
-    @property
-    def time(self) -> float:
-        """Since the scene's begin [s]."""
-        return self.step * DT
-
-    @property
-    def full(self) -> bool:
-        """Whether the scene lasts for the whole horizon from here."""
-        return self.step + STEPS < self.scene.steps
-
-    def recorded(self) -> np.ma.MaskedArray[Any, np.dtype[np.float32]]:
-        """The positions as they became: (time, vehicle) [m], masked where not recorded."""
-        position = np.zeros((STEPS + 1, len(self.traffic)), np.float32)
-        known = np.zeros(position.shape, np.bool_)
-        for i, track in enumerate(self.tracks()):
-            part = self.future(track)
-            count = len(track.position[part])
-            position[:count, i], known[:count, i] = track.position[part], track.observed[part]
-        return np.ma.masked_array(position, ~known)
-
-    def tracks(self) -> list[Track]:
-        """The tracks of the vehicles present: (vehicle,)."""
-        return [self.scene.track(id) for id in self.traffic.ids]
-
-    def future(self, track: Track) -> slice:
-        """Where in a track's arrays this moment and the horizon after it lie."""
-        return slice(self.step - track.start, self.step - track.start + STEPS + 1)
+    rmse: float
+    mad: float
+    """Median of the absolute error."""
+    quantile_80: float
+    """80 % quantile of the absolute error."""
+    count: int
 
 
-def starts(scenes: Scenes) -> tuple[list[Start], dict[str, str]]:
-    """Every second of every scene, as long as 2 s of it remain and anybody is there.
-
-    Returns:
-        The starts, and those refused because vehicles overlap in the recording: what was found, by moment.
-    """
-    found: list[Start] = []
-    refused: dict[str, str] = {}
-    for scene in scenes:
-        for step in range(0, scene.steps - _LEAST, round(EVERY / DT)):
-            try:
-                traffic = scenes.at(scene, step * DT)
-            except ValueError as error:
-                refused[f"scene {scene.id}, {step * DT:.1f} s"] = str(error)
-                continue
-            if len(traffic):
-                found.append(Start(scene, step, traffic))
-    return found, refused
-
-
-def contested(moments: Sequence[Start]) -> list[Start]:
-    """Those with an open conflict."""
-    return [start for start in moments if len(start.traffic.conflicts)]
-
-
-def thinned(moments: Sequence[Start], most: int) -> list[Start]:
-    """At most so many of the moments, evenly spread over them.
+def error_figures(error: NDArray[np.floating]) -> ErrorFigures:
+    """The figures of errors (sample,), in their unit.
 
     Raises:
-        ValueError: `most` is below 1.
+        ValueError: no samples.
     """
-    if most < 1:
-        raise ValueError(f"the number of moments must be at least 1, not {most}")
-    places = np.linspace(0, len(moments) - 1, min(most, len(moments))).round().astype(np.int64)
-    return [moments[place] for place in places.tolist()]
+    if error.size == 0:
+        raise ValueError("no samples to take error figures of")
+    absolute = np.abs(error.astype(np.float64))
+    return ErrorFigures(
+        float(np.sqrt(np.mean(absolute**2))),
+        float(np.median(absolute)),
+        float(np.quantile(absolute, 0.8)),
+        int(error.size),
+    )
 
 
 class Forecaster(Protocol):
@@ -112,7 +65,7 @@ class Forecaster(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class Errors:
-    """What predictions got wrong, a column a vehicle and start.
+    """What predictions got wrong, a column a vehicle and moment.
 
     distance: (time, sample) along the route, predicted minus recorded [m]; time_loss: (time, sample), lost since the
     start [s]; both from now to 10 s. scored: (time, sample), a car or truck that is recorded then. recorded: (sample,),
@@ -131,27 +84,44 @@ class Errors:
         return chosen
 
 
-def errors(forecaster: Forecaster, moments: Sequence[Start]) -> Errors:
-    """The errors of all vehicles; those of a start are predicted jointly.
+def errors(forecaster: Forecaster, moments: Sequence[Moment]) -> Errors:
+    """The errors of all vehicles; those of a moment are predicted jointly.
 
     Raises:
         ValueError: no moments.
     """
     if not moments:
         raise ValueError("no moments to evaluate a predictor on")
-    parts = [_errors(forecaster, start) for start in moments]
+    parts = [_errors(forecaster, moment) for moment in moments]
     return Errors(*(np.concatenate([getattr(part, field.name) for part in parts], axis=-1) for field in fields(Errors)))
 
 
-def evaluate(forecaster: Forecaster, moments: Sequence[Start]) -> pd.DataFrame:
-    """Errors of the predicted positions and time losses; all vehicles of a start are predicted jointly.
+def distance_error(forecaster: Forecaster, moments: Sequence[Moment]) -> float:
+    """Of the distance along the route: root of the mean over the horizons of the mean squared errors [m].
+
+    Scored are cars and trucks that are recorded at the start and at the horizon; one at which nobody is does not count.
+    """
+    sums, counts = np.zeros(len(HORIZONS)), np.zeros(len(HORIZONS))
+    for moment in moments:
+        predicted, recorded = forecaster.predict(moment.traffic).position[0], moment.recorded.data
+        for h, horizon in enumerate(HORIZONS):
+            step = round(horizon / DT)
+            error = (predicted[step] - recorded[step])[moment.scored[step] & moment.scored[0]]
+            sums[h] += float(np.square(error, dtype=np.float64).sum())
+            counts[h] += len(error)
+    known = counts > 0
+    return float(np.sqrt(np.mean(sums[known] / counts[known])))
+
+
+def evaluate(forecaster: Forecaster, moments: Sequence[Moment]) -> pd.DataFrame:
+    """Errors of the predicted positions and time losses; all vehicles of a moment are predicted jointly.
 
     Scored are cars and trucks, where they are recorded at the horizon: those recorded at the start too, and in
     rows of their own those extrapolated at the start, which are built from their own future.
 
     Args:
         forecaster: who predicts.
-        moments: as `starts` gives them.
+        moments: as `moments_of` gives them.
 
     Returns:
         One row a population and horizon that has samples: `model`, `population` ("recorded", "extrapolated"),
@@ -162,6 +132,8 @@ def evaluate(forecaster: Forecaster, moments: Sequence[Start]) -> pd.DataFrame:
     Raises:
         ValueError: no moments.
     """
+    import pandas as pd
+
     found = errors(forecaster, moments)
     rows = []
     for population in POPULATIONS:
@@ -176,14 +148,12 @@ def evaluate(forecaster: Forecaster, moments: Sequence[Start]) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=columns)
 
 
-def _errors(forecaster: Forecaster, start: Start) -> Errors:
-    traffic, tracks = start.traffic, start.tracks()
+def _errors(forecaster: Forecaster, moment: Moment) -> Errors:
+    traffic, tracks = moment.traffic, moment.tracks()
     prediction = forecaster.predict(traffic)
-    recorded = start.recorded()
-    known = ~np.ma.getmaskarray(recorded)
     lost = np.zeros((STEPS + 1, len(traffic)))
     for i, track in enumerate(tracks):
-        part, route, top_speed = start.future(track), int(traffic.route[i]), float(traffic.max_speed[i])
+        part, route, top_speed = moment.future(track), int(traffic.route[i]), float(traffic.max_speed[i])
         truth = time_loss(traffic.intersection, route, track.position[part], track.speed[part], top_speed)
         # off the map no time is lost: the sum ends with the step in which the vehicle leaves it
         inside = slice(0, int(prediction.present[0, :, i].sum()) + 1)
@@ -192,9 +162,9 @@ def _errors(forecaster: Forecaster, start: Start) -> Errors:
         at = np.arange(STEPS + 1)
         lost[:, i] = predicted[np.minimum(at, len(predicted) - 1)] - truth[np.minimum(at, len(truth) - 1)]
     return Errors(
-        distance=prediction.position[0].astype(np.float64) - recorded.data,
+        distance=prediction.position[0].astype(np.float64) - moment.recorded.data,
         time_loss=lost,
-        scored=known & np.array([track.road_user in SCORED for track in tracks], np.bool_),
-        recorded=known[0],
-        recording=np.full(len(traffic), start.scene.recording),
+        scored=moment.scored,
+        recorded=~np.ma.getmaskarray(moment.recorded)[0],
+        recording=np.full(len(traffic), moment.scene.recording),
     )

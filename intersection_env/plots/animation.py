@@ -9,10 +9,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from intersection_env.constants import DT
 from intersection_env.files import written_whole
 from intersection_env.plots.map_plot import INK, draw_lanes, junction_extent, zoom_to_junction
 from intersection_env.plots.prediction_plot import short_ids
-from intersection_env.prediction.predictor import DT, Prediction
+from intersection_env.prediction.predictor import Prediction
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -14,13 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from intersection_env import _core
+from intersection_env.constants import DT
+from intersection_env.features import DRIVING_FEATURES, GAP_FEATURES
 from intersection_env.files import written_whole
 
 MAGIC, VERSION = "intersection_env policy", 1
-DT: float = round(_core.DT, 6)
-"""Step of every prediction [s]; paper, Section IV-B."""
-GAP_FEATURES = tuple(_core.gap_features())
-DRIVING_FEATURES = tuple(_core.driving_features())
 
 
 @dataclass(frozen=True, eq=False)

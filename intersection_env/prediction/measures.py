@@ -1,45 +1,15 @@
-"""Figures of merit: time loss, distance error, crossing order."""
+"""What a motion costs and who crosses first: time loss, crossing order."""
 
 from __future__ import annotations
-
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from intersection_env import _core
+from intersection_env.constants import DT
 from intersection_env.maps.intersection import Intersection
-from intersection_env.prediction.predictor import DT, Prediction
+from intersection_env.prediction.predictor import Prediction
 from intersection_env.traffic import Traffic
-
-
-@dataclass(frozen=True)
-class ErrorFigures:
-    """An error's distribution, as the paper quotes it."""
-
-    rmse: float
-    mad: float
-    """Median of the absolute error."""
-    quantile_80: float
-    """80 % quantile of the absolute error."""
-    count: int
-
-
-def error_figures(error: NDArray[np.floating]) -> ErrorFigures:
-    """The figures of errors (sample,), in their unit.
-
-    Raises:
-        ValueError: no samples.
-    """
-    if error.size == 0:
-        raise ValueError("no samples to take error figures of")
-    absolute = np.abs(error.astype(np.float64))
-    return ErrorFigures(
-        float(np.sqrt(np.mean(absolute**2))),
-        float(np.median(absolute)),
-        float(np.quantile(absolute, 0.8)),
-        int(error.size),
-    )
 
 
 def time_loss(

@@ -12,14 +12,11 @@ from numpy.typing import NDArray
 
 from intersection_env import _core
 from intersection_env.arguments import whole_number
+from intersection_env.constants import DT, STEPS
 from intersection_env.maps.intersection import Intersection
-from intersection_env.policies.file import DT as DT
 from intersection_env.policies.file import PolicyFile
+from intersection_env.policies.named import policy_named
 from intersection_env.traffic import Traffic, naming
-
-STEPS: int = _core.STEPS
-RULES = ("idm", "constant_velocity")
-POLICIES = Path(__file__).parents[1] / "policies"
 
 Priorities = Sequence[tuple[str, str]] | NDArray[np.int8]
 
@@ -111,20 +108,7 @@ class Predictor:
                 policy that brings its own, or threads below 0 or too many.
             OSError: the file cannot be read.
         """
-        if str(policy) in RULES:
-            if gap == "network":
-                raise ValueError(f'"{policy}" has no gap network; gap must be "critical_gap" or "sumo"')
-            return cls(PolicyFile(gap or "critical_gap", str(policy)), str(policy), threads)
-        if gap is not None:
-            raise ValueError(f'gap belongs to the rules {", ".join(RULES)}; the policy "{policy}" brings its own')
-        path = Path(policy)
-        if path.suffix != ".policy":
-            shipped = sorted(file.stem for file in POLICIES.glob("*.policy"))
-            if str(policy) not in shipped:
-                names = ", ".join((*shipped, *RULES))
-                raise ValueError(f'no policy "{policy}": the names are {names}, and files end in .policy')
-            path = POLICIES / f"{policy}.policy"
-        return cls(PolicyFile.read(path), path.stem, threads)
+        return cls(*policy_named(policy, gap), threads)
 
     @overload
     def predict(

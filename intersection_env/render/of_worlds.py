@@ -8,23 +8,26 @@ import numpy as np
 from numpy.typing import NDArray
 
 from intersection_env import _core
-from intersection_env.policies.file import DT
-from intersection_env.render.renderer import Ghosts, Moment
-from intersection_env.worlds.life import ClosedLoopWorlds, ReplayWorlds
+from intersection_env.constants import DT
+from intersection_env.render.snapshot import Ghosts, Snapshot
+from intersection_env.worlds.closed_loop import ClosedLoopWorlds
+from intersection_env.worlds.replay import ReplayWorlds
 
 V_MAX = 4  # column of `Intersection.sample`
 
 
-def moment_of(worlds: ClosedLoopWorlds | ReplayWorlds, world: int = 0) -> Moment:
+def snapshot_of(worlds: ClosedLoopWorlds | ReplayWorlds, world: int = 0) -> Snapshot:
     """The present moment of one world."""
-    return closed_loop_moment(worlds, world) if isinstance(worlds, ClosedLoopWorlds) else replay_moment(worlds, world)
+    if isinstance(worlds, ClosedLoopWorlds):
+        return closed_loop_snapshot(worlds, world)
+    return replay_snapshot(worlds, world)
 
 
-def closed_loop_moment(worlds: ClosedLoopWorlds, world: int) -> Moment:
+def closed_loop_snapshot(worlds: ClosedLoopWorlds, world: int) -> Snapshot:
     """All vehicles of one world; who is held waits for those prioritized ones whose gap the policy refuses."""
     state = {name: values[world] for name, values in worlds.state().items()}
     vehicles = {name: state[name] for name in ("route", "position", "speed", "length", "width", "max_speed")}
-    return Moment(
+    return Snapshot(
         **{name: vehicles[name] for name in ("route", "position", "speed", "length", "width")},
         v_max=_v_max(worlds, vehicles),
         enters=state["delta"],
@@ -33,7 +36,7 @@ def closed_loop_moment(worlds: ClosedLoopWorlds, world: int) -> Moment:
     )
 
 
-def replay_moment(worlds: ReplayWorlds, world: int) -> Moment:
+def replay_snapshot(worlds: ReplayWorlds, world: int) -> Snapshot:
     """The acting vehicle of one world, its recorded self as a ghost, and the recorded others.
 
     Only the acting vehicle's gap decision is shown. By the recording, it waits for all whose way it has yet to cross.
@@ -55,7 +58,7 @@ def replay_moment(worlds: ReplayWorlds, world: int) -> Moment:
     for name in ("position", "speed"):
         vehicles[name] = np.where(is_acting, state[name], vehicles[name])
     held = is_acting & ~state["delta"]
-    return Moment(
+    return Snapshot(
         **{name: vehicles[name] for name in ("route", "position", "speed", "length", "width")},
         v_max=_v_max(worlds, vehicles),
         enters=~held,

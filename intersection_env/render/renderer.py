@@ -1,10 +1,8 @@
-"""Pictures of one moment of a world, for people and for videos, drawn with pygame."""
+"""Pictures of traffic, for people and for videos, drawn with pygame."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
-from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,61 +10,14 @@ from numpy.typing import NDArray
 
 from intersection_env.maps.intersection import Intersection
 from intersection_env.render.camera import VIEW, Camera
+from intersection_env.render.snapshot import Snapshot
 
 if TYPE_CHECKING:
     import pygame
 
 
-def _no_pairs() -> NDArray[np.int32]:
-    return np.zeros((0, 2), np.int32)
-
-
-@dataclass(frozen=True, eq=False)
-class Ghosts:
-    """Vehicles as they were recorded, drawn as translucent outlines.
-
-    route: (vehicle,) int32; position: (vehicle,) float32, of the centre along the route [m]; length, width:
-    (vehicle,) float32 [m].
-    """
-
-    route: NDArray[np.int32]
-    position: NDArray[np.float32]
-    length: NDArray[np.float32]
-    width: NDArray[np.float32]
-
-
-@dataclass(frozen=True, eq=False)
-class Moment:
-    """What is drawn: the vehicles of a world, and what holds them.
-
-    route: (vehicle,) int32; position: (vehicle,) float32, of the centre along the route [m]; speed, v_max:
-    (vehicle,) float32 [m/s], colours go from standing (or backing) to v_max (or faster); length, width:
-    (vehicle,) float32 [m]; enters: (vehicle,) bool, the gap decision; waits_for: (pair, 2) indices of one that
-    waits and the one it waits for; assigned: (pair, 2) indices of the second and the first of a priority assignment.
-    """
-
-    route: NDArray[np.int32]
-    position: NDArray[np.float32]
-    speed: NDArray[np.float32]
-    length: NDArray[np.float32]
-    width: NDArray[np.float32]
-    v_max: NDArray[np.float32]
-    enters: NDArray[np.bool_]
-    waits_for: NDArray[np.integer] = field(default_factory=_no_pairs)
-    assigned: NDArray[np.integer] = field(default_factory=_no_pairs)
-    ghosts: Ghosts | None = None
-    labels: Sequence[str] | None = None
-    """(vehicle,) written beside them."""
-    highlight: int | None = None
-    """Index of the acting vehicle."""
-    time: float | None = None
-    """[s], written in a corner."""
-    caption: str | None = None
-    """A line below the time."""
-
-
 class Renderer:
-    """Draws moments on one map, which is drawn once.
+    """Draws snapshots on one map, which is drawn once.
 
     Bodies are to scale; their colour is the speed, a dark bar the windscreen; a red bar stands before one that is
     held (delta = 0). A red arrow leads from one that waits to whom it waits for, a dashed violet one from the second
@@ -105,13 +56,13 @@ class Renderer:
         self._lettering = Lettering(self.camera.letter)
         self._clock: pygame.time.Clock | None = None  # runs while there is a window
 
-    def rgb_array(self, moment: Moment) -> NDArray[np.uint8]:
-        """A picture of a moment: (height, width, 3), the caller's own. Needs no display."""
-        self._draw(moment)
+    def rgb_array(self, snapshot: Snapshot) -> NDArray[np.uint8]:
+        """A picture of a snapshot: (height, width, 3), the caller's own. Needs no display."""
+        self._draw(snapshot)
         return self._pixels.copy()
 
-    def show(self, moment: Moment, fps: float) -> None:
-        """Shows a moment in a window, which it opens the first time; waits so that `fps` are shown a second."""
+    def show(self, snapshot: Snapshot, fps: float) -> None:
+        """Shows a snapshot in a window, which it opens the first time; waits so that `fps` are shown a second."""
         import pygame
 
         window = pygame.display.get_surface() if pygame.display.get_init() else None
@@ -120,7 +71,7 @@ class Renderer:
             window = pygame.display.set_mode(self._canvas.get_size())
             pygame.display.set_caption(f"intersection_env: {self._intersection.name}")
         self._clock = self._clock or pygame.time.Clock()
-        self._draw(moment)
+        self._draw(snapshot)
         window.blit(self._canvas, (0, 0))
         pygame.event.pump()
         pygame.display.flip()
@@ -134,8 +85,8 @@ class Renderer:
             pygame.display.quit()
             self._clock = None
 
-    def _draw(self, moment: Moment) -> None:
-        from intersection_env.render.traffic_layer import draw_moment
+    def _draw(self, snapshot: Snapshot) -> None:
+        from intersection_env.render.traffic_layer import draw_snapshot
 
         np.copyto(self._pixels, self._still)
-        draw_moment(self._canvas, self._intersection, self.camera, moment, self._lettering)
+        draw_snapshot(self._canvas, self._intersection, self.camera, snapshot, self._lettering)

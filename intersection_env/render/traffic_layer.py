@@ -27,7 +27,7 @@ from intersection_env.render.ink import (
 from intersection_env.render.road_layer import MARGIN
 
 if TYPE_CHECKING:
-    from intersection_env.render.renderer import Ghosts, Moment
+    from intersection_env.render.snapshot import Ghosts, Snapshot
 
 BODY = np.array([(-1, -1), (1, -1), (1, -1), (1, 1), (1, 1), (-1, 1), (-1, 1), (-1, -1)], dtype=np.float64)
 CUT = np.array(
@@ -58,7 +58,7 @@ class Bodies:
     half: NDArray[np.float64]
 
     @classmethod
-    def of(cls, intersection: Intersection, vehicles: Moment | Ghosts) -> Bodies:
+    def of(cls, intersection: Intersection, vehicles: Snapshot | Ghosts) -> Bodies:
         """The bodies of these vehicles."""
         positions = zip(vehicles.route.tolist(), vehicles.position[:, None], strict=True)
         poses = [intersection.sample(route, position)[0, :3] for route, position in positions]
@@ -113,34 +113,34 @@ class Bodies:
         return np.asarray(self.centre[which] + share[:, None] * way)
 
 
-def draw_moment(
-    surface: pygame.Surface, intersection: Intersection, camera: Camera, moment: Moment, lettering: Lettering
+def draw_snapshot(
+    surface: pygame.Surface, intersection: Intersection, camera: Camera, snapshot: Snapshot, lettering: Lettering
 ) -> None:
     """Draws what moves onto the road."""
-    if moment.ghosts is not None:
-        _draw_ghosts(surface, camera, Bodies.of(intersection, moment.ghosts))
-    bodies = Bodies.of(intersection, moment)
-    for pairs, style in ((moment.waits_for, WAITING), (moment.assigned, SECOND)):
+    if snapshot.ghosts is not None:
+        _draw_ghosts(surface, camera, Bodies.of(intersection, snapshot.ghosts))
+    bodies = Bodies.of(intersection, snapshot)
+    for pairs, style in ((snapshot.waits_for, WAITING), (snapshot.assigned, SECOND)):
         if len(pairs):
             tails = bodies.fronts(BAR_GAP + BAR_DEPTH)[pairs[:, 0]]
             tips = bodies.borders(pairs[:, 1], tails)
             draw_arrows(surface, camera.pixels(tails), camera.pixels(tips), style, camera.stroke)
-    if moment.highlight is not None:
-        _draw_ring(surface, camera, bodies.one(moment.highlight))
+    if snapshot.highlight is not None:
+        _draw_ring(surface, camera, bodies.one(snapshot.highlight))
     if len(bodies):
-        _draw_bodies(surface, camera, bodies, moment)
+        _draw_bodies(surface, camera, bodies, snapshot)
     if camera.has_letters:
-        _draw_letters(surface, camera, bodies, moment, lettering)
+        _draw_letters(surface, camera, bodies, snapshot, lettering)
 
 
-def _draw_bodies(surface: pygame.Surface, camera: Camera, bodies: Bodies, moment: Moment) -> None:
+def _draw_bodies(surface: pygame.Surface, camera: Camera, bodies: Bodies, snapshot: Snapshot) -> None:
     pixel = camera.stroke / camera.scale
     outer, inner = bodies.outlines(-SHRINK / camera.scale), bodies.outlines(-EDGE * pixel)
     bars = bodies.bars(max(BAR_DEPTH, 2.0 * pixel))
-    bars[moment.enters] = outer[moment.enters, :4]  # is not painted, and so takes no room
-    share = np.clip(moment.speed / np.maximum(moment.v_max, 0.1), 0.0, 1.0)
+    bars[snapshot.enters] = outer[snapshot.enters, :4]  # is not painted, and so takes no room
+    share = np.clip(snapshot.speed / np.maximum(snapshot.v_max, 0.1), 0.0, 1.0)
     shapes: list[list[Shape]] = []
-    for enters, shade in zip(moment.enters.tolist(), np.rint(share * (len(SPEEDS) - 1)).tolist(), strict=True):
+    for enters, shade in zip(snapshot.enters.tolist(), np.rint(share * (len(SPEEDS) - 1)).tolist(), strict=True):
         body: list[Shape] = [(0, 8, (*INK, 255)), (8, 16, (*SPEEDS[int(shade)], 255)), (16, 20, (*INK, 255))]
         shapes.append(body if enters else [*body, (20, 24, (*HELD, 255))])
     paint(surface, camera.pixels(np.concatenate([outer, inner, bodies.glass(), bars], axis=1)), shapes)
@@ -160,14 +160,14 @@ def _draw_ghosts(surface: pygame.Surface, camera: Camera, bodies: Bodies) -> Non
 
 
 def _draw_letters(
-    surface: pygame.Surface, camera: Camera, bodies: Bodies, moment: Moment, lettering: Lettering
+    surface: pygame.Surface, camera: Camera, bodies: Bodies, snapshot: Snapshot, lettering: Lettering
 ) -> None:
     unit = camera.letter
-    if moment.labels is not None:
+    if snapshot.labels is not None:
         aside = bodies.centre - (bodies.half[:, 1:] + LABEL_GAP) * bodies.left
-        for (x, y), label in zip(camera.pixels(aside).tolist(), moment.labels, strict=True):
+        for (x, y), label in zip(camera.pixels(aside).tolist(), snapshot.labels, strict=True):
             lettering.draw(surface, label, (x, y + 5.0 * unit), DIM, align=0.5)
-    lines = [] if moment.time is None else [(f"{moment.time:.1f} s", INK)]
-    lines += [] if moment.caption is None else [(moment.caption, DIM)]
+    lines = [] if snapshot.time is None else [(f"{snapshot.time:.1f} s", INK)]
+    lines += [] if snapshot.caption is None else [(snapshot.caption, DIM)]
     for row, (text, colour) in enumerate(lines):
         lettering.draw(surface, text, (MARGIN * unit, (MARGIN + 12.0 + 16.0 * row) * unit), colour)

@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from intersection_env.prediction.predictor import DT
+from intersection_env.constants import DT
 
 SPLITS = ("train", "development", "validation")
 ROAD_USERS = ("car", "truck_bus", "bicycle")

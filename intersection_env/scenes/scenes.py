@@ -10,17 +10,15 @@ from typing import Any
 
 import numpy as np
 
+from intersection_env.constants import BICYCLE_MAX_SPEED, DT
 from intersection_env.maps.intersection import Intersection
-from intersection_env.prediction.predictor import DT
-from intersection_env.scenes.arrays import pack, unpack
-from intersection_env.scenes.file import read_scenes_file, write_scenes_file
+from intersection_env.scenes.file import pack, read_scenes_file, unpack, write_scenes_file
 from intersection_env.scenes.scene import SPLITS, Scene, Track
 from intersection_env.traffic import Traffic
 
 __all__ = ["SPLITS", "Scene", "Scenes", "Track"]
 
 RECORDED = Path(__file__).parent
-BICYCLE_MAX_SPEED = 5.0  # [m/s], ours: a brisk cyclist on the level (18 km/h); what a cyclist takes for v_max
 
 
 @dataclass(frozen=True, eq=False)

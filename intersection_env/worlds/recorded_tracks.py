@@ -9,9 +9,10 @@ from typing import Any, TypeGuard
 import numpy as np
 from numpy.typing import NDArray
 
-from intersection_env.scenes.arrays import pack
+from intersection_env.constants import BICYCLE_MAX_SPEED
+from intersection_env.scenes.file import pack
 from intersection_env.scenes.scene import Scene, Track
-from intersection_env.scenes.scenes import BICYCLE_MAX_SPEED, Scenes
+from intersection_env.scenes.scenes import Scenes
 
 LEAST_STEPS = 5  # ours: an episode that a reset draws lasts 1 s or more
 

@@ -9,10 +9,12 @@ import numpy as np
 import pytest
 
 from agents import idm as calibration
-from agents.idm import BOUNDS, calibrate, distance_error, moments
+from agents.idm import BOUNDS, calibrate
 from intersection_env import Intersection, Predictor, Scene, Scenes, Traffic, Vehicle
+from intersection_env.evaluation.errors import distance_error
+from intersection_env.evaluation.moments import moments_of
 from intersection_env.policies.file import IdmParameters, PolicyFile
-from intersection_env.scenes.scenes import Track
+from intersection_env.scenes.scene import Track
 from tests.conftest import MAP_NAMES
 from tests.core.test_core import core_predictor, replayed
 from tests.reference import predictor as reference
@@ -77,7 +79,7 @@ def scenes_driven_by(parameters: IdmParameters) -> Scenes:
 
 
 def test_vehicles_driven_by_some_parameters_are_predicted_best_by_these() -> None:
-    asked = moments(scenes_driven_by(SLOW), 4.0)
+    asked = moments_of(scenes_driven_by(SLOW), 4.0)[0]
     assert len(asked) == 18
     rule = PolicyFile("critical_gap", "idm")
     with_slow = Predictor(dataclasses.replace(rule, idm=SLOW), "idm")

@@ -28,7 +28,7 @@ from agents.rollouts.validation_run import validation_run
 from agents.training.folder import CHECKPOINT, METRICS, RunFolder
 from intersection_env import ClosedLoopWorlds, Predictor, _core
 from intersection_env.policies.file import PolicyFile
-from intersection_env.worlds.life import gap_decider
+from intersection_env.policies.named import gap_decider
 from tests.agents.test_torchrl import GAMMA, LAMBDA, recursion
 from tests.support.training import cut_short, files, full_disk, killed, outcome, with_other_feature
 from tests.support.twins import random_case

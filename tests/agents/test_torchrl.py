@@ -24,7 +24,8 @@ from agents.networks.driving import Driver, DrivingNetwork
 from agents.rollouts.collector import RolloutCollector, Rollouts
 from agents.rollouts.envs import ClosedLoopEnv, ReplayEnv
 from intersection_env import parallel_env
-from intersection_env.worlds.life import ClosedLoopWorlds, ReplayWorlds
+from intersection_env.worlds.closed_loop import ClosedLoopWorlds
+from intersection_env.worlds.replay import ReplayWorlds
 
 Env = ClosedLoopEnv | ReplayEnv
 GAMMA, LAMBDA = 0.99, 0.9

@@ -17,7 +17,8 @@ from data.pipeline.scenes_of import build_scenes
 from data.pipeline.shared_lanes import overlap_length, pair_gap
 from data.pipeline.split import split_of
 from intersection_env.maps.intersection import MAPS, Intersection
-from intersection_env.scenes.scenes import Scene, Scenes, Track
+from intersection_env.scenes.scene import Scene, Track
+from intersection_env.scenes.scenes import Scenes
 from tests.support.recordings import Floats, Mover, on_route, steady, walking, write_recording
 
 ROUTES = ["NW-NE", "NW-SW", "NW-SE", "NE-NW", "NE-SW", "NE-SE", "SW-NW", "SW-NE", "SW-SE", "SE-NW", "SE-NE", "SE-SW"]

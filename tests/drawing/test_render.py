@@ -1,4 +1,4 @@
-"""Pictures of a moment: to scale, the same for the same moment, and without a display."""
+"""Pictures of a snapshot: to scale, the same for the same snapshot, and without a display."""
 
 from __future__ import annotations
 
@@ -15,8 +15,9 @@ from numpy.typing import NDArray
 
 from intersection_env import Intersection
 from intersection_env.render.ink import HELD, INK, SECOND, SPEEDS, WAITING, Colour
-from intersection_env.render.renderer import Ghosts, Moment, Renderer
+from intersection_env.render.renderer import Renderer
 from intersection_env.render.road_layer import ASPHALT
+from intersection_env.render.snapshot import Ghosts, Snapshot
 
 WEST_EAST, EAST_WEST, SOUTH_WEST = "W-E", "E-W", "S-W"
 Picture = NDArray[np.uint8]
@@ -33,10 +34,10 @@ def renderer(t_junction: Intersection) -> Renderer:
     return Renderer(t_junction, view=20.0)
 
 
-def moment_of(intersection: Intersection, *vehicles: tuple[str, float], length: float = 4.5) -> Moment:
+def snapshot_of(intersection: Intersection, *vehicles: tuple[str, float], length: float = 4.5) -> Snapshot:
     """Vehicles on these routes at these positions, at 5 m/s where 10 m/s are allowed, and none of them held."""
     count = len(vehicles)
-    return Moment(
+    return Snapshot(
         route=np.array([intersection.route_index(route) for route, _ in vehicles], np.int32),
         position=np.array([position for _, position in vehicles], np.float32),
         speed=np.full(count, 5.0, np.float32),
@@ -86,39 +87,39 @@ def pixel_at(picture: Picture, place: NDArray[np.float64]) -> Picture:
 
 def test_picture_has_the_size_and_is_the_callers_own(intersection: Intersection) -> None:
     renderer = Renderer(intersection, (320, 240))
-    moment = moment_of(intersection)
-    picture = renderer.rgb_array(moment)
+    snapshot = snapshot_of(intersection)
+    picture = renderer.rgb_array(snapshot)
     assert picture.shape == (240, 320, 3)
     assert picture.dtype == np.uint8
     before = picture.copy()
     picture[:] = 0
-    np.testing.assert_array_equal(renderer.rgb_array(moment), before)
+    np.testing.assert_array_equal(renderer.rgb_array(snapshot), before)
 
 
 def test_same_moment_gives_the_same_bytes(intersection: Intersection) -> None:
     routes = [(route.id, route.stop_line - 5.0) for route in intersection.routes]
-    moment = moment_of(intersection, *routes)
-    moment = replace(moment, waits_for=pairs((0, 1)), assigned=pairs((2, 3)), labels=["a"] * len(routes), time=1.0)
+    snapshot = snapshot_of(intersection, *routes)
+    snapshot = replace(snapshot, waits_for=pairs((0, 1)), assigned=pairs((2, 3)), labels=["a"] * len(routes), time=1.0)
     one, other = Renderer(intersection), Renderer(intersection)
-    first = one.rgb_array(moment)
-    other.rgb_array(moment_of(intersection, routes[0]))
-    np.testing.assert_array_equal(other.rgb_array(moment), first)
-    np.testing.assert_array_equal(one.rgb_array(moment), first)
+    first = one.rgb_array(snapshot)
+    other.rgb_array(snapshot_of(intersection, routes[0]))
+    np.testing.assert_array_equal(other.rgb_array(snapshot), first)
+    np.testing.assert_array_equal(one.rgb_array(snapshot), first)
 
 
 @pytest.mark.parametrize("route", [WEST_EAST, EAST_WEST, SOUTH_WEST])
 def test_vehicle_is_seen_where_it_is(t_junction: Intersection, renderer: Renderer, route: str) -> None:
-    empty = renderer.rgb_array(moment_of(t_junction))
+    empty = renderer.rgb_array(snapshot_of(t_junction))
     for past in (-3.0, 1.0):
         position = t_junction.routes[t_junction.route_index(route)].stop_line + past
-        seen = differs(renderer.rgb_array(moment_of(t_junction, (route, position))), empty)
+        seen = differs(renderer.rgb_array(snapshot_of(t_junction, (route, position))), empty)
         assert np.abs(centre_of(seen) - place_of(renderer, t_junction, route, position)).max() < 3.0
 
 
 @pytest.mark.parametrize("length", [1.8, 4.5, 11.9])
 def test_vehicle_is_drawn_to_scale(t_junction: Intersection, renderer: Renderer, length: float) -> None:
-    moment = moment_of(t_junction, (WEST_EAST, 160.0), length=length)
-    seen = differs(renderer.rgb_array(moment), renderer.rgb_array(moment_of(t_junction)))
+    snapshot = snapshot_of(t_junction, (WEST_EAST, 160.0), length=length)
+    seen = differs(renderer.rgb_array(snapshot), renderer.rgb_array(snapshot_of(t_junction)))
     scale = renderer.camera.scale
     assert scale == 15.0
     assert abs(seen.any(axis=0).sum() - length * scale) <= 2.0
@@ -128,21 +129,21 @@ def test_vehicle_is_drawn_to_scale(t_junction: Intersection, renderer: Renderer,
 
 def test_colour_goes_from_standing_to_v_max(t_junction: Intersection, renderer: Renderer) -> None:
     place = place_of(renderer, t_junction, WEST_EAST, 150.0)
-    moment = moment_of(t_junction, (WEST_EAST, 150.0))
+    snapshot = snapshot_of(t_junction, (WEST_EAST, 150.0))
     for speed, shade in ((-1.0, 0), (0.0, 0), (5.0, 128), (10.0, 255), (12.0, 255)):
-        picture = renderer.rgb_array(replace(moment, speed=np.array([speed], np.float32)))
+        picture = renderer.rgb_array(replace(snapshot, speed=np.array([speed], np.float32)))
         assert np.abs(pixel_at(picture, place).astype(int) - SPEEDS[shade]).max() <= 4
 
 
 def test_windscreen_is_nearer_to_the_front(t_junction: Intersection, renderer: Renderer) -> None:
-    picture = renderer.rgb_array(moment_of(t_junction, (WEST_EAST, 150.0)))
+    picture = renderer.rgb_array(snapshot_of(t_junction, (WEST_EAST, 150.0)))
     for ahead, is_glass in ((0.7, True), (-0.7, False)):
         place = place_of(renderer, t_junction, WEST_EAST, 150.0 + ahead)
         assert (np.abs(pixel_at(picture, place).astype(int) - INK).max() <= 12) == is_glass
 
 
 def test_red_bar_stands_before_a_vehicle_that_is_held(t_junction: Intersection, renderer: Renderer) -> None:
-    free = moment_of(t_junction, (WEST_EAST, 150.0), (EAST_WEST, 150.0))
+    free = snapshot_of(t_junction, (WEST_EAST, 150.0), (EAST_WEST, 150.0))
     held = replace(free, enters=np.array([False, True]))
     assert not is_near(renderer.rgb_array(free), HELD).any()
     bar = centre_of(is_near(renderer.rgb_array(held), HELD))
@@ -150,10 +151,10 @@ def test_red_bar_stands_before_a_vehicle_that_is_held(t_junction: Intersection, 
 
 
 def test_arrow_leads_from_one_that_waits_to_whom_it_waits_for(t_junction: Intersection, renderer: Renderer) -> None:
-    moment = moment_of(t_junction, (SOUTH_WEST, 90.0), (WEST_EAST, 140.0))
-    assert not is_near(renderer.rgb_array(moment), WAITING.colour).any()
+    snapshot = snapshot_of(t_junction, (SOUTH_WEST, 90.0), (WEST_EAST, 140.0))
+    assert not is_near(renderer.rgb_array(snapshot), WAITING.colour).any()
     for pair, other_end in (((0, 1), (SOUTH_WEST, 93.0)), ((1, 0), (WEST_EAST, 143.0))):
-        picture = renderer.rgb_array(replace(moment, waits_for=pairs(pair)))
+        picture = renderer.rgb_array(replace(snapshot, waits_for=pairs(pair)))
         seen = is_near(picture, WAITING.colour)
         assert not is_near(picture, SECOND.colour).any()
         columns, rows = np.nonzero(seen)[::-1]
@@ -163,25 +164,25 @@ def test_arrow_leads_from_one_that_waits_to_whom_it_waits_for(t_junction: Inters
 
 
 def test_priority_assignment_looks_different_from_waiting(t_junction: Intersection, renderer: Renderer) -> None:
-    moment = moment_of(t_junction, (SOUTH_WEST, 90.0), (WEST_EAST, 140.0))
-    picture = renderer.rgb_array(replace(moment, assigned=pairs((0, 1))))
+    snapshot = snapshot_of(t_junction, (SOUTH_WEST, 90.0), (WEST_EAST, 140.0))
+    picture = renderer.rgb_array(replace(snapshot, assigned=pairs((0, 1))))
     assert is_near(picture, SECOND.colour).sum() > 30
     assert not is_near(picture, WAITING.colour).any()
 
 
 def test_arrow_between_vehicles_that_touch_is_left_out(t_junction: Intersection, renderer: Renderer) -> None:
-    moment = moment_of(t_junction, (WEST_EAST, 140.0), (WEST_EAST, 145.0))
-    without = renderer.rgb_array(moment)
-    picture = renderer.rgb_array(replace(moment, waits_for=pairs((0, 1))))
+    snapshot = snapshot_of(t_junction, (WEST_EAST, 140.0), (WEST_EAST, 145.0))
+    without = renderer.rgb_array(snapshot)
+    picture = renderer.rgb_array(replace(snapshot, waits_for=pairs((0, 1))))
     np.testing.assert_array_equal(picture, without)
 
 
 def test_ghost_is_seen_where_it_was_recorded_and_shines_through(t_junction: Intersection, renderer: Renderer) -> None:
-    moment = moment_of(t_junction, (EAST_WEST, 150.0))
-    recorded = moment_of(t_junction, (WEST_EAST, 150.0))
+    snapshot = snapshot_of(t_junction, (EAST_WEST, 150.0))
+    recorded = snapshot_of(t_junction, (WEST_EAST, 150.0))
     ghosts = Ghosts(recorded.route, recorded.position, recorded.length, recorded.width)
-    picture = renderer.rgb_array(replace(moment, ghosts=ghosts))
-    seen = differs(picture, renderer.rgb_array(moment))
+    picture = renderer.rgb_array(replace(snapshot, ghosts=ghosts))
+    seen = differs(picture, renderer.rgb_array(snapshot))
     place = place_of(renderer, t_junction, WEST_EAST, 150.0)
     assert np.abs(centre_of(seen) - place).max() < 3.0
     assert seen.sum() == pytest.approx(4.5 * 1.8 * renderer.camera.scale**2, rel=0.06)
@@ -191,8 +192,8 @@ def test_ghost_is_seen_where_it_was_recorded_and_shines_through(t_junction: Inte
 
 
 def test_acting_vehicle_has_a_ring(t_junction: Intersection, renderer: Renderer) -> None:
-    moment = moment_of(t_junction, (EAST_WEST, 150.0), (WEST_EAST, 150.0))
-    without, picture = renderer.rgb_array(moment), renderer.rgb_array(replace(moment, highlight=1))
+    snapshot = snapshot_of(t_junction, (EAST_WEST, 150.0), (WEST_EAST, 150.0))
+    without, picture = renderer.rgb_array(snapshot), renderer.rgb_array(replace(snapshot, highlight=1))
     seen = differs(picture, without)
     place = place_of(renderer, t_junction, WEST_EAST, 150.0)
     assert np.abs(centre_of(seen) - place).max() < 3.0
@@ -200,13 +201,13 @@ def test_acting_vehicle_has_a_ring(t_junction: Intersection, renderer: Renderer)
 
 
 def test_time_caption_and_labels_are_written(t_junction: Intersection, renderer: Renderer) -> None:
-    moment = moment_of(t_junction, (WEST_EAST, 150.0))
-    without = renderer.rgb_array(moment)
+    snapshot = snapshot_of(t_junction, (WEST_EAST, 150.0))
+    without = renderer.rgb_array(snapshot)
     places = []
     for shown in (
-        replace(moment, time=12.4),
-        replace(moment, time=12.4, caption="03/2"),
-        replace(moment, labels=["17"]),
+        replace(snapshot, time=12.4),
+        replace(snapshot, time=12.4, caption="03/2"),
+        replace(snapshot, labels=["17"]),
     ):
         places.append(centre_of(differs(renderer.rgb_array(shown), without)))
     vehicle = place_of(renderer, t_junction, WEST_EAST, 150.0)
@@ -217,58 +218,58 @@ def test_time_caption_and_labels_are_written(t_junction: Intersection, renderer:
 
 def test_small_pictures_carry_no_letters(t_junction: Intersection) -> None:
     renderer = Renderer(t_junction, (96, 96))
-    moment = moment_of(t_junction, (WEST_EAST, 150.0))
-    written = replace(moment, time=12.4, caption="03/2", labels=["17"])
-    np.testing.assert_array_equal(renderer.rgb_array(written), renderer.rgb_array(moment))
+    snapshot = snapshot_of(t_junction, (WEST_EAST, 150.0))
+    written = replace(snapshot, time=12.4, caption="03/2", labels=["17"])
+    np.testing.assert_array_equal(renderer.rgb_array(written), renderer.rgb_array(snapshot))
 
 
 @pytest.mark.parametrize("size", [(600, 600), (500, 300)])
 def test_whole_map_is_shown_on_request(intersection: Intersection, size: tuple[int, int]) -> None:
     renderer = Renderer(intersection, size, view=None)
-    empty = renderer.rgb_array(moment_of(intersection))
+    empty = renderer.rgb_array(snapshot_of(intersection))
     for route in intersection.routes:
         for position in (0.0, route.length):
             place = place_of(renderer, intersection, route.id, position)
             assert (place > 0.0).all()
             assert (place < size).all()
-            assert differs(renderer.rgb_array(moment_of(intersection, (route.id, position))), empty).any()
+            assert differs(renderer.rgb_array(snapshot_of(intersection, (route.id, position))), empty).any()
 
 
 def test_vehicles_out_of_sight_change_nothing(intersection: Intersection) -> None:
     renderer = Renderer(intersection, (200, 200), view=2.0)
-    far = moment_of(intersection, *((route.id, 0.0) for route in intersection.routes))
+    far = snapshot_of(intersection, *((route.id, 0.0) for route in intersection.routes))
     far = replace(far, labels=["far"] * len(far.route))
-    np.testing.assert_array_equal(renderer.rgb_array(far), renderer.rgb_array(moment_of(intersection)))
+    np.testing.assert_array_equal(renderer.rgb_array(far), renderer.rgb_array(snapshot_of(intersection)))
 
 
 def test_vehicle_wider_than_the_picture_fills_it(t_junction: Intersection) -> None:
     renderer = Renderer(t_junction, (200, 200), view=0.5)
     route = next(one for one in t_junction.routes if one.id == WEST_EAST)
     nearest = int(np.argmin(np.hypot(*(route.samples[:, :2] - (renderer.camera.x, renderer.camera.y)).T)))
-    moment = replace(
-        moment_of(t_junction, (WEST_EAST, float(nearest)), length=18.0), width=np.array([18.0], np.float32)
+    snapshot = replace(
+        snapshot_of(t_junction, (WEST_EAST, float(nearest)), length=18.0), width=np.array([18.0], np.float32)
     )
-    assert is_near(renderer.rgb_array(moment), SPEEDS[128]).all()
+    assert is_near(renderer.rgb_array(snapshot), SPEEDS[128]).all()
 
 
 def test_window_shows_the_picture_and_closes_twice(t_junction: Intersection, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
     renderer = Renderer(t_junction, (320, 240))
-    moment = moment_of(t_junction, (WEST_EAST, 150.0))
+    snapshot = snapshot_of(t_junction, (WEST_EAST, 150.0))
     begin = time.perf_counter()
     for _ in range(4):
-        renderer.show(moment, fps=50.0)
+        renderer.show(snapshot, fps=50.0)
     assert time.perf_counter() - begin > 0.055
     window = pygame.display.get_surface()
     assert window is not None
     shown = np.frombuffer(pygame.image.tobytes(window, "RGB"), np.uint8).reshape(240, 320, 3)
-    np.testing.assert_array_equal(shown, renderer.rgb_array(moment))
+    np.testing.assert_array_equal(shown, renderer.rgb_array(snapshot))
     renderer.close()
     renderer.close()
     assert not pygame.display.get_init()
-    renderer.show(moment, fps=50.0)
+    renderer.show(snapshot, fps=50.0)
     renderer.close()
-    assert renderer.rgb_array(moment).shape == (240, 320, 3)
+    assert renderer.rgb_array(snapshot).shape == (240, 320, 3)
 
 
 def test_renderer_without_window_leaves_the_display_of_others_alone(
@@ -288,15 +289,15 @@ def test_pictures_go_on_after_another_environment_quits_pygame(
 ) -> None:
     monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
     renderer = Renderer(t_junction)
-    moment = replace(moment_of(t_junction, (WEST_EAST, 150.0)), time=3.0)
-    before = renderer.rgb_array(moment)
-    renderer.show(moment, fps=1000.0)
+    snapshot = replace(snapshot_of(t_junction, (WEST_EAST, 150.0)), time=3.0)
+    before = renderer.rgb_array(snapshot)
+    renderer.show(snapshot, fps=1000.0)
     for start_again in (False, True):
         pygame.quit()
         if start_again:
             pygame.init()
-        renderer.show(moment, fps=1000.0)
-        np.testing.assert_array_equal(renderer.rgb_array(moment), before)
+        renderer.show(snapshot, fps=1000.0)
+        np.testing.assert_array_equal(renderer.rgb_array(snapshot), before)
     renderer.close()
 
 

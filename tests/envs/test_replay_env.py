@@ -22,7 +22,7 @@ from gymnasium.wrappers import RecordVideo
 from data.build import build
 from data.formats.ind import recording_ids
 from intersection_env import Replay, ReplayVector, ReplayWorlds, Scenes
-from intersection_env.scenes.arrays import pack
+from intersection_env.scenes.file import pack
 from intersection_env.scenes.scenes import RECORDED
 from intersection_env.worlds.recorded_tracks import RecordedTracks
 from tests.support.episodes import WAYS, as_bytes

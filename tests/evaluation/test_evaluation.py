@@ -9,9 +9,10 @@ import pytest
 from numpy.typing import NDArray
 
 from intersection_env import Intersection, Predictor, Scene, Scenes, Traffic, Vehicle
-from intersection_env.evaluation.errors import HORIZONS, Start, evaluate, starts
+from intersection_env.evaluation.errors import evaluate
+from intersection_env.evaluation.moments import HORIZONS, Moment, moments_of
 from intersection_env.prediction.measures import time_loss
-from intersection_env.scenes.scenes import Track
+from intersection_env.scenes.scene import Track
 
 STEP = 0.2
 Floats = NDArray[np.float64]
@@ -49,8 +50,8 @@ def accelerating(position: float, speed: float, rate: float, steps: int = 51) ->
     return position + speed * time + 0.5 * rate * time**2, speed + rate * time
 
 
-def first(scenes: Scenes) -> list[Start]:
-    return starts(scenes)[0][:1]
+def first(scenes: Scenes) -> list[Moment]:
+    return moments_of(scenes)[0][:1]
 
 
 def test_recording_that_came_as_predicted_has_no_error(intersection: Intersection) -> None:
@@ -149,25 +150,25 @@ def test_vehicle_predicted_to_leave_the_map_loses_no_time_after_that(bendplatz: 
 
 def test_starts_are_a_second_apart_and_leave_two_seconds_to_compare(bendplatz: Intersection) -> None:
     scenes = scenes_of(bendplatz, [track(bendplatz, "07/1", "SE-NW", *accelerating(5.0, 4.0, 0.0, 61))], 61)
-    moments, refused = starts(scenes)
+    moments, refused = moments_of(scenes)
     assert not refused
-    np.testing.assert_allclose([start.time for start in moments], np.arange(0.0, 10.5))
-    assert [start.full for start in moments] == [True] * 3 + [False] * 8
+    np.testing.assert_allclose([moment.time for moment in moments], np.arange(0.0, 10.5))
+    assert [moment.full for moment in moments] == [True] * 3 + [False] * 8
 
 
 def test_moment_at_which_vehicles_overlap_is_counted_not_evaluated(bendplatz: Intersection) -> None:
     fast = track(bendplatz, "07/1", "SE-NW", *accelerating(10.0, 6.0, 0.0))
     slow = track(bendplatz, "07/2", "SE-NW", *accelerating(28.0, 0.0, 0.0))
-    moments, refused = starts(scenes_of(bendplatz, [fast, slow]))
+    moments, refused = moments_of(scenes_of(bendplatz, [fast, slow]))
     assert list(refused) == ["scene 07/0, 3.0 s"]
     assert "overlap" in refused["scene 07/0, 3.0 s"]
-    assert 3.0 not in [start.time for start in moments]
+    assert 3.0 not in [moment.time for moment in moments]
     assert len(moments) == 9 - 1
 
 
 def test_recorded_future_is_masked_where_nothing_was_recorded(bendplatz: Intersection) -> None:
     late = track(bendplatz, "07/1", "SE-NW", *accelerating(5.0, 4.0, 0.0, 30), extrapolated=10)
-    future = first(scenes_of(bendplatz, [late]))[0].recorded()
+    future = first(scenes_of(bendplatz, [late]))[0].recorded
     assert future.shape == (51, 1)
     np.testing.assert_array_equal(np.flatnonzero(~np.ma.getmaskarray(future)[:, 0]), np.arange(10, 30))
     assert future[20, 0] == pytest.approx(5.0 + 4.0 * 4.0)

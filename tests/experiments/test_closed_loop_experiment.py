@@ -16,7 +16,7 @@ from agents.rollouts.validation_run import validation_run
 from experiments.measure import validation_run as closed_loop
 from experiments.measure.validation_run import Options, closed_loop_results, main, plot, poisson_interval
 from intersection_env import Predictor
-from intersection_env.worlds.life import gap_decider
+from intersection_env.policies.named import gap_decider
 
 
 @pytest.fixture(autouse=True)

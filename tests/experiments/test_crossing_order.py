@@ -22,9 +22,10 @@ from experiments.measure.crossing_order import (
 )
 from intersection_env import Intersection, Prediction, Predictor, Scene, Scenes, Traffic
 from intersection_env.evaluation import intervals
-from intersection_env.evaluation.errors import HORIZONS, Forecaster, Start, starts
+from intersection_env.evaluation.errors import Forecaster
+from intersection_env.evaluation.moments import HORIZONS, Moment, moments_of
 from intersection_env.prediction.measures import crossing_order
-from intersection_env.scenes.scenes import Track
+from intersection_env.scenes.scene import Track
 
 STEP, LENGTH, SPEED = 0.2, 4.5, 5.0
 YIELDER, PRIORITIZED = "SW-NE", "NW-SE"  # they cross
@@ -69,10 +70,10 @@ def scene_of(tracks: Sequence[Track], recording: str = "07", steps: int = 51, sp
     return Scene(f"{recording}/0", recording, split, 0.0, steps, tuple(tracks))
 
 
-def first(bendplatz: Intersection, *scenes: Scene) -> list[Start]:
-    """The first start of each scene."""
-    moments = starts(Scenes(bendplatz, scenes, {}, {}))[0]
-    return [start for start in moments if start.step == 0]
+def first(bendplatz: Intersection, *scenes: Scene) -> list[Moment]:
+    """The first moment of each scene."""
+    moments = moments_of(Scenes(bendplatz, scenes, {}, {}))[0]
+    return [moment for moment in moments if moment.step == 0]
 
 
 def pair(bendplatz: Intersection, yielder: int, prioritized: int, recording: str = "07") -> Scene:
@@ -96,11 +97,11 @@ class Told:
         return replace(self._idm.predict(traffic), position=self._positions[id(traffic)])
 
 
-def recordings_replayed(moments: Sequence[Start], name: str = "recording") -> Forecaster:
-    return Told(name, {id(start.traffic): start.recorded().data[None] for start in moments})
+def recordings_replayed(moments: Sequence[Moment], name: str = "recording") -> Forecaster:
+    return Told(name, {id(moment.traffic): moment.recorded.data[None] for moment in moments})
 
 
-def nobody_moves(moments: Sequence[Start], name: str = "nobody_moves") -> Forecaster:
+def nobody_moves(moments: Sequence[Moment], name: str = "nobody_moves") -> Forecaster:
     return Told(name, {id(one.traffic): np.repeat(one.traffic.position[None, None], 51, 1) for one in moments})
 
 
@@ -111,8 +112,8 @@ def nobody_moves(moments: Sequence[Start], name: str = "nobody_moves") -> Foreca
 def test_recorded_order_is_who_first_reached_the_conflict(
     bendplatz: Intersection, yielder: int, prioritized: int, expected: int, step: int
 ) -> None:
-    (start,) = first(bendplatz, pair(bendplatz, yielder, prioritized))
-    order, steps = recorded_order(start)
+    (moment,) = first(bendplatz, pair(bendplatz, yielder, prioritized))
+    order, steps = recorded_order(moment)
     assert order.dtype == np.int8
     assert order.tolist() == [expected]
     assert steps.tolist() == [step]
@@ -136,8 +137,8 @@ def test_order_is_unknown_where_a_lost_vehicle_may_have_been_first(
     bendplatz: Intersection, yielder: tuple[int, int], prioritized: tuple[int, int], expected: int
 ) -> None:
     tracks = [arriving(bendplatz, "07/1", YIELDER, *yielder), arriving(bendplatz, "07/2", PRIORITIZED, *prioritized)]
-    (start,) = first(bendplatz, scene_of(tracks, steps=max(yielder[1], prioritized[1])))
-    assert recorded_order(start)[0].tolist() == [expected]
+    (moment,) = first(bendplatz, scene_of(tracks, steps=max(yielder[1], prioritized[1])))
+    assert recorded_order(moment)[0].tolist() == [expected]
 
 
 def test_pairs_of_unknown_order_are_not_scored(bendplatz: Intersection) -> None:
@@ -174,7 +175,7 @@ def test_bicycles_take_part_but_their_pairs_are_not_scored(bendplatz: Intersecti
     )
     bicycle = arriving(bendplatz, "07/9", PRIORITIZED, 30, road_user="bicycle")
     other = arriving(bendplatz, "07/8", PRIORITIZED, 45)
-    (start,) = first(bendplatz, scene_of([car, truck, bicycle, other]))
+    (moment,) = first(bendplatz, scene_of([car, truck, bicycle, other]))
     seen: list[int] = []
 
     class Watching(Told):
@@ -182,9 +183,9 @@ def test_bicycles_take_part_but_their_pairs_are_not_scored(bendplatz: Intersecti
             seen.append(len(traffic))
             return super().predict(traffic)
 
-    watching = Watching("watching", {id(start.traffic): start.recorded().data[None]})
-    results = order_results([watching], [start])
-    assert len(start.traffic.conflicts) == 4
+    watching = Watching("watching", {id(moment.traffic): moment.recorded.data[None]})
+    results = order_results([watching], [moment])
+    assert len(moment.traffic.conflicts) == 4
     assert results["all"]["pairs"] == 2
     assert seen == [4]
 
@@ -225,7 +226,7 @@ def test_baselines_are_the_rules_that_they_are_named_for(bendplatz: Intersection
     predicted = scored_pairs([], first(bendplatz, *scenes)).predicted
     assert set(predicted) == set(BASELINES)
     assert (predicted["priority_first"] == -1).all()
-    traffics = [start.traffic for start in first(bendplatz, *scenes)]
+    traffics = [moment.traffic for moment in first(bendplatz, *scenes)]
     rules = {"sumo_rule": Predictor.load("idm", gap="sumo"), "critical_gap": Predictor.load("idm")}
     for name, rule in rules.items():
         own = [crossing_order(traffic, rule.predict(traffic))[0, 0] for traffic in traffics]
@@ -249,7 +250,7 @@ def test_results_of_the_split_asked_for_are_written_and_printed(
     scenes.save(tmp_path / "scenes.npz")
     assert main(Options(scenes=tmp_path / "scenes.npz", policies=("gap",), out=tmp_path)) == 0
     content = json.loads((tmp_path / "order_development.json").read_text(encoding="utf-8"))
-    own, _ = starts(scenes.select("development"))
+    own, _ = moments_of(scenes.select("development"))
     expected = order_results([Predictor.load("gap")], own)
     assert content == {"split": "development", "refused": 0, **expected}
     assert content["recordings"] == 1

@@ -11,10 +11,10 @@ import pytest
 
 from experiments.demo import busiest, main
 from intersection_env import Intersection, Scene, Scenes
-from intersection_env.evaluation.errors import starts
+from intersection_env.evaluation.moments import moments_of
 from intersection_env.maps.intersection import MAPS
 from intersection_env.plots import animation
-from intersection_env.scenes.scenes import Track
+from intersection_env.scenes.scene import Track
 from tests.support.recordings import on_route, steady, write_recording
 
 # track, route, position and speed at the start; the first lets the others pass
@@ -97,8 +97,8 @@ def test_busiest_moment_counts_only_conflicts_between_recorded_vehicles() -> Non
 
     tracks = (track("00/1", "NW-NE", 130.0, 0), track("00/2", "SE-NW", 130.0, 4), track("00/3", "SE-NW", 120.0, 7))
     scene = Scene("00/0", "00", "development", 0.0, 60, tracks)
-    moments, _ = starts(Scenes(intersection, (scene,), {}, {}))
-    assert [len(start.traffic.conflicts) for start in moments[:3]] == [2, 2, 2]
+    moments, _ = moments_of(Scenes(intersection, (scene,), {}, {}))
+    assert [len(moment.traffic.conflicts) for moment in moments[:3]] == [2, 2, 2]
     assert busiest(moments[:1]).step == 0
     assert busiest(moments[:2]).step == 5
     assert busiest([moments[1], moments[0]]).step == 5

@@ -10,7 +10,7 @@ from torch import Tensor
 from experiments.models.lead_across import AcrossPredictor, TorchForecaster
 from imitation.torch_model import TorchPredictor
 from intersection_env import Intersection, Predictor, Traffic
-from intersection_env.evaluation.errors import starts
+from intersection_env.evaluation.moments import moments_of
 from intersection_env.policies.file import PolicyFile
 from intersection_env.traffic import Vehicle
 from tests.support.training import small_scenes
@@ -77,10 +77,10 @@ def test_it_brakes_for_who_stands_there(policy: PolicyFile) -> None:
 
 def test_without_it_predictions_are_those_of_the_core(policy: PolicyFile) -> None:
     forecaster, core = TorchForecaster("", policy, TorchPredictor), Predictor(policy, "core")
-    moments = starts(small_scenes("development"))[0][::30]
+    moments = moments_of(small_scenes("development"))[0][::30]
     assert len(moments) >= 3
-    for start in moments:
-        ours, theirs = forecaster.predict(start.traffic), core.predict(start.traffic)
+    for moment in moments:
+        ours, theirs = forecaster.predict(moment.traffic), core.predict(moment.traffic)
         np.testing.assert_array_equal(ours.present, theirs.present)
         for name in ("position", "speed", "time_loss", "minimum_distance"):
             np.testing.assert_allclose(getattr(ours, name), getattr(theirs, name), atol=2e-3, err_msg=name)

@@ -24,8 +24,8 @@ from experiments.measure.maneuver_gain import (
 from experiments.results_files import rounded
 from intersection_env import Intersection, Predictor, Scene, Scenes, Traffic, Vehicle, crossing_orders, rank_maneuvers
 from intersection_env.evaluation import intervals
-from intersection_env.evaluation.errors import Start, contested, starts, thinned
-from intersection_env.scenes.scenes import Track
+from intersection_env.evaluation.moments import Moment, contested, moments_of, thinned
+from intersection_env.scenes.scene import Track
 from tests.support.twins import random_case
 
 
@@ -66,8 +66,8 @@ def scenes_of(count: int, split: str = "development") -> Scenes:
 
 
 @pytest.fixture(scope="module")
-def moments() -> list[Start]:
-    return contested(starts(scenes_of(8))[0])
+def moments() -> list[Moment]:
+    return contested(moments_of(scenes_of(8))[0])
 
 
 def test_vehicles_that_cooperate_at_a_share_do_so_at_all_greater_ones() -> None:
@@ -79,25 +79,25 @@ def test_vehicles_that_cooperate_at_a_share_do_so_at_all_greater_ones() -> None:
     np.testing.assert_allclose([len(one) / len(ids) for one in sets], SHARES, atol=0.04)
 
 
-def test_best_order_is_the_best_safe_row_of_the_ranking(gap: Predictor, moments: list[Start]) -> None:
+def test_best_order_is_the_best_safe_row_of_the_ranking(gap: Predictor, moments: list[Moment]) -> None:
     gains = []
-    for start in moments:
-        ranked = rank_maneuvers(gap, start.traffic)
+    for moment in moments:
+        ranked = rank_maneuvers(gap, moment.traffic)
         default = ranked[~ranked.intervention].iloc[0]
         safe = ranked[ranked.safe]
-        best = best_order(gap, start.traffic, start.traffic.ids)
+        best = best_order(gap, moment.traffic, moment.traffic.ids)
         expected = default.total_time_loss - safe.total_time_loss.min() if len(safe) else 0.0
         assert best.gain == pytest.approx(max(0.0, expected), abs=1e-9)
         assert best.worthwhile == (best.gain > 2.0)
         assert best.time_loss == default.total_time_loss
-        assert best.orders == sum(len(batch) for batch in crossing_orders(start.traffic))
+        assert best.orders == sum(len(batch) for batch in crossing_orders(moment.traffic))
         gains.append(best.gain)
     assert max(gains) > 2.0
 
 
-def test_results_at_all_cooperating_are_those_of_the_ranking(gap: Predictor, moments: list[Start]) -> None:
+def test_results_at_all_cooperating_are_those_of_the_ranking(gap: Predictor, moments: list[Moment]) -> None:
     results = maneuver_results(gap, moments, seed=1)
-    best = [best_order(gap, start.traffic, start.traffic.ids) for start in moments]
+    best = [best_order(gap, moment.traffic, moment.traffic.ids) for moment in moments]
     last = results["shares"][-1]
     gain, lost = np.array([one.gain for one in best]), np.array([one.time_loss for one in best])
     assert last["share"] == 1.0
@@ -111,7 +111,7 @@ def test_results_at_all_cooperating_are_those_of_the_ranking(gap: Predictor, mom
     assert results["orders"]["median"] == np.median(counts)
 
 
-def test_gain_is_never_negative_even_where_no_order_is_as_good_as_none(gap: Predictor, moments: list[Start]) -> None:
+def test_gain_is_never_negative_even_where_no_order_is_as_good_as_none(gap: Predictor, moments: list[Moment]) -> None:
     results = maneuver_results(gap, moments, seed=1)
     assert all(one["mean_gain"]["low"] >= 0.0 for one in results["shares"])
     traffic, _ = random_case("bendplatz", 91_014)
@@ -121,7 +121,7 @@ def test_gain_is_never_negative_even_where_no_order_is_as_good_as_none(gap: Pred
     assert best_order(gap, traffic, traffic.ids).gain == 0.0
 
 
-def test_no_safe_order_gains_nothing(gap: Predictor, monkeypatch: pytest.MonkeyPatch, moments: list[Start]) -> None:
+def test_no_safe_order_gains_nothing(gap: Predictor, monkeypatch: pytest.MonkeyPatch, moments: list[Moment]) -> None:
     ranked = rank_maneuvers(gap, moments[0].traffic)
     unsafe = ranked.assign(safe=False, worth_executing=False, gain=5.0)
     monkeypatch.setattr(maneuver_gain, "rank_maneuvers", lambda *arguments, **options: unsafe)
@@ -129,20 +129,20 @@ def test_no_safe_order_gains_nothing(gap: Predictor, monkeypatch: pytest.MonkeyP
     assert (best.gain, best.worthwhile) == (0.0, False)
 
 
-def test_one_vehicle_that_cooperates_alone_gains_nothing(gap: Predictor, moments: list[Start]) -> None:
-    for start in moments:
-        assert best_order(gap, start.traffic, start.traffic.ids[:1]).gain == 0.0
+def test_one_vehicle_that_cooperates_alone_gains_nothing(gap: Predictor, moments: list[Moment]) -> None:
+    for moment in moments:
+        assert best_order(gap, moment.traffic, moment.traffic.ids[:1]).gain == 0.0
 
 
-def test_orders_beyond_the_limit_are_counted_though_not_predicted(gap: Predictor, moments: list[Start]) -> None:
-    start = max(moments, key=lambda one: len(one.traffic.conflicts))
-    every = best_order(gap, start.traffic, start.traffic.ids)
-    few = best_order(gap, start.traffic, start.traffic.ids, limit=1)
+def test_orders_beyond_the_limit_are_counted_though_not_predicted(gap: Predictor, moments: list[Moment]) -> None:
+    moment = max(moments, key=lambda one: len(one.traffic.conflicts))
+    every = best_order(gap, moment.traffic, moment.traffic.ids)
+    few = best_order(gap, moment.traffic, moment.traffic.ids, limit=1)
     assert every.orders == few.orders > 1
     assert few.gain <= every.gain
 
 
-def test_same_seed_gives_the_same_results_and_another_does_not(gap: Predictor, moments: list[Start]) -> None:
+def test_same_seed_gives_the_same_results_and_another_does_not(gap: Predictor, moments: list[Moment]) -> None:
     once, again, other = (maneuver_results(gap, moments, seed) for seed in (1, 1, 2))
     assert json.dumps(once) == json.dumps(again)
     assert once["shares"][4] != other["shares"][4]
@@ -153,10 +153,10 @@ def test_contested_moments_are_thinned_evenly() -> None:
     bendplatz = Intersection.load("bendplatz")
     alone = Traffic.of(bendplatz, [Vehicle("07/1", "SW-NE", 30.0, 5.0)])
     scenes = scenes_of(9)
-    every, _ = starts(Scenes(bendplatz, (scene_of(alone, 99), *scenes.scenes), {}, {}))
+    every, _ = moments_of(Scenes(bendplatz, (scene_of(alone, 99), *scenes.scenes), {}, {}))
     chosen = contested(every)
     assert len(chosen) == 9 < len(every)
-    assert [start.scene.recording for start in thinned(chosen, 5)] == ["00", "02", "04", "06", "08"]
+    assert [moment.scene.recording for moment in thinned(chosen, 5)] == ["00", "02", "04", "06", "08"]
     assert thinned(chosen, 100) == chosen
     assert thinned([], 5) == []
     with pytest.raises(ValueError, match="at least 1, not 0"):
@@ -168,7 +168,7 @@ def test_no_moments_are_refused(gap: Predictor) -> None:
         maneuver_results(gap, [], 0)
 
 
-def test_figure_shows_every_share_and_every_moment(gap: Predictor, moments: list[Start]) -> None:
+def test_figure_shows_every_share_and_every_moment(gap: Predictor, moments: list[Moment]) -> None:
     results = maneuver_results(gap, moments, seed=1)
     figure = plot(results)
     assert isinstance(figure, Figure)
@@ -192,7 +192,7 @@ def test_results_of_the_split_asked_for_are_written_printed_and_drawn(
     figure = tmp_path / "maneuvers.svg"
     options = Options(tmp_path / "scenes.npz", "gap", moments=3, limit=20, seed=3, out=tmp_path, figure=figure)
     assert main(options) == 0
-    expected = maneuver_results(gap, thinned(contested(starts(own)[0]), 3), 3, 20)
+    expected = maneuver_results(gap, thinned(contested(moments_of(own)[0]), 3), 3, 20)
     content = json.loads((tmp_path / "maneuvers_development.json").read_text(encoding="utf-8"))
     assert content == rounded({"split": "development", **expected})
     assert capsys.readouterr().out.strip() == table(expected)

@@ -12,7 +12,8 @@ from data.build import build
 from experiments.documentation.results import RESULTS, ROOT, filled, readme
 from experiments.measure.crossing_order import order_results
 from intersection_env import Intersection, Predictor, Scenes
-from intersection_env.evaluation.errors import evaluate, starts
+from intersection_env.evaluation.errors import evaluate
+from intersection_env.evaluation.moments import moments_of
 
 
 def test_readme_is_as_the_results_files_make_it() -> None:
@@ -23,7 +24,7 @@ def test_readme_is_as_the_results_files_make_it() -> None:
 def test_errors_file_is_what_the_shipped_recordings_give() -> None:
     """Decisions at a threshold may flip between instruction sets, so the figures agree within 2 %."""
     scenes = build(ROOT / "data" / "recordings", Intersection.load("bendplatz"), ["12", "13", "14"], progress=False)
-    moments, _ = starts(scenes)
+    moments, _ = moments_of(scenes)
     keys = ["model", "population", "horizon"]
     shipped = pd.read_csv(RESULTS / "errors.csv").set_index(keys).to_dict("index")
     for model in ("constant_velocity", "idm", "gap", "idm_calibrated", "ppo", "gail"):
@@ -36,7 +37,7 @@ def test_errors_file_is_what_the_shipped_recordings_give() -> None:
 def test_reports_figures_are_what_the_shipped_policy_gives() -> None:
     """Two of them, recomputed; decisions at a threshold may flip between instruction sets."""
     summary = json.loads((RESULTS / "summary.json").read_text())
-    moments, _ = starts(Scenes.load("bendplatz").select("validation"))
+    moments, _ = moments_of(Scenes.load("bendplatz").select("validation"))
     gail = Predictor.load("gail")
     at_10s = evaluate(gail, moments).set_index(["population", "horizon"]).to_dict("index")["recorded", 10.0]
     assert at_10s["rmse"] == pytest.approx(summary["distance"]["gail"]["rmse_10s"], rel=0.02)

@@ -38,8 +38,8 @@ from experiments.results_files import RESULTS
 from imitation.replay_error import ReplayError
 from intersection_env import Intersection, Predictor
 from intersection_env.evaluation import intervals
-from intersection_env.evaluation.errors import contested, starts, thinned
-from intersection_env.worlds.life import gap_decider
+from intersection_env.evaluation.moments import contested, moments_of, thinned
+from intersection_env.policies.named import gap_decider
 from tests.experiments.test_crossing_order import first, nobody_moves, pair, recordings_replayed
 from tests.experiments.test_horizon import made
 from tests.experiments.test_maneuver_gain import scenes_of
@@ -75,7 +75,7 @@ def computed(tmp_path_factory: pytest.TempPathFactory) -> Results:
         replay = dataclasses.asdict(ReplayError(5.0, 2.0, 100, 0.01, 0.002))
         results["replay_development"] = dict.fromkeys(("untrained", "ppo", "ppo_0", "gail", "gail_0"), replay)
         results["maneuvers_validation"] = maneuver_results(
-            Predictor.load("gap"), thinned(contested(starts(scenes_of(3))[0]), 9), 0
+            Predictor.load("gap"), thinned(contested(moments_of(scenes_of(3))[0]), 9), 0
         )
         results["closed_loop"] = _closed_loop(tmp_path_factory.mktemp("policies"))
         results["runtime"] = runtime_results(runtime.Options(policy="ppo", scenes=2))

@@ -22,8 +22,7 @@ from experiments.reproduce.workspace import Job, Options
 from experiments.results_files import rounded
 from imitation.gail import PROFILES as GAIL_PROFILES
 from intersection_env import Intersection
-from intersection_env.prediction.predictor import POLICIES
-from intersection_env.worlds.life import gap_decider
+from intersection_env.policies.named import POLICIES, gap_decider
 from tests.support.recordings import on_route, steady, write_recording
 
 MEASURED = ("_horizon", "_order", "_gap_accuracy", "_replay", "_maneuvers", "_closed_loop", "_runtime")

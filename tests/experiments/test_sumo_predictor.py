@@ -12,12 +12,13 @@ import pytest
 from experiments.models.from_trajectories import prediction_of_motions
 from experiments.models.sumo_predictor import StoredPredictions, SumoPredictor, predictions
 from intersection_env import Intersection, Predictor, Scenes, Traffic, Vehicle
-from intersection_env.evaluation.errors import evaluate, starts
+from intersection_env.evaluation.errors import evaluate
+from intersection_env.evaluation.moments import moments_of
 
 BENDPLATZ = Intersection.load("bendplatz")
 MAIN_LIMIT = 50.0 / 3.6  # [m/s]
 DAWDLING = 0.5 * 2.6 * 0.2  # [m/s], the most that SUMO's default driver (sigma 0.5, 2.6 m/s²) loses in a step
-MOMENTS = starts(Scenes.load("bendplatz").select("development"))[0][::97]
+MOMENTS = moments_of(Scenes.load("bendplatz").select("development"))[0][::97]
 
 
 def traffic(*vehicles: Vehicle) -> Traffic:

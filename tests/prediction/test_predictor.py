@@ -13,7 +13,8 @@ import pytest
 from numpy.typing import NDArray
 
 from intersection_env import Intersection, Prediction, Predictor, Traffic, Vehicle, crossing_orders, rank_maneuvers
-from intersection_env.prediction.measures import crossing_order, error_figures, time_loss
+from intersection_env.evaluation.errors import error_figures
+from intersection_env.prediction.measures import crossing_order, time_loss
 from tests.support.single_lane import single_lane_source
 from tests.support.twins import random_case
 

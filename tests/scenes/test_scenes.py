@@ -14,7 +14,8 @@ import pytest
 from numpy.typing import NDArray
 
 from intersection_env.maps.intersection import Intersection
-from intersection_env.scenes.scenes import Scene, Scenes, Track
+from intersection_env.scenes.scene import Scene, Track
+from intersection_env.scenes.scenes import Scenes
 
 Arrays = dict[str, NDArray[Any]]
 

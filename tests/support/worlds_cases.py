@@ -10,8 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from intersection_env import Intersection, _core
+from intersection_env.constants import BICYCLE_MAX_SPEED
 from intersection_env.policies.file import PolicyFile
-from intersection_env.scenes.scenes import BICYCLE_MAX_SPEED, Scene
+from intersection_env.scenes.scene import Scene
 from tests.core.test_core import weights
 from tests.reference import predictor as reference
 from tests.reference import worlds as reference_worlds

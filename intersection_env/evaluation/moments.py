@@ -1,0 +1,108 @@
+"""Recorded moments from which to predict, and what became of them: what predictions are held against."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from intersection_env.constants import DT, STEPS
+from intersection_env.scenes.scene import Scene, Track
+from intersection_env.scenes.scenes import Scenes
+from intersection_env.traffic import Traffic
+
+HORIZONS = (2.0, 4.0, 6.0, 8.0, 10.0)  # [s], paper, Section IV-C
+EVERY = 1.0  # [s] ours: between two moments; nearer ones see nearly the same scene
+SCORED = ("car", "truck_bus")  # bicycles take part, but are not scored
+LEAST = round(HORIZONS[0] / DT)  # steps
+
+
+@dataclass(frozen=True, eq=False)
+class Moment:
+    """One recorded moment from which to predict."""
+
+    scene: Scene
+    step: int
+    traffic: Traffic
+    """The vehicles present, in the order of the scene's tracks."""
+
+    @property
+    def time(self) -> float:
+        """Since the scene's begin [s]."""
+        return self.step * DT
+
+    @property
+    def full(self) -> bool:
+        """Whether the scene lasts for the whole horizon from here."""
+        return self.step + STEPS < self.scene.steps
+
+    @cached_property
+    def recorded(self) -> np.ma.MaskedArray[Any, np.dtype[np.float32]]:
+        """The positions as they became: (time, vehicle) [m], masked where not recorded."""
+        position = np.zeros((STEPS + 1, len(self.traffic)), np.float32)
+        known = np.zeros(position.shape, np.bool_)
+        for i, track in enumerate(self.tracks()):
+            part = self.future(track)
+            count = len(track.position[part])
+            position[:count, i], known[:count, i] = track.position[part], track.observed[part]
+        return np.ma.masked_array(position, ~known)
+
+    @cached_property
+    def scored(self) -> NDArray[np.bool_]:
+        """(time, vehicle), a car or truck that is recorded then."""
+        is_scored = np.array([track.road_user in SCORED for track in self.tracks()], np.bool_)
+        return ~np.ma.getmaskarray(self.recorded) & is_scored
+
+    def tracks(self) -> list[Track]:
+        """The tracks of the vehicles present: (vehicle,)."""
+        return [self.scene.track(id) for id in self.traffic.ids]
+
+    def future(self, track: Track) -> slice:
+        """Where in a track's arrays this moment and the horizon after it lie."""
+        return slice(self.step - track.start, self.step - track.start + STEPS + 1)
+
+
+def moments_of(scenes: Scenes, every: float = EVERY) -> tuple[list[Moment], dict[str, str]]:
+    """One every so many seconds of every scene, as long as 2 s of it remain and anybody is there.
+
+    Returns:
+        The moments, and those refused because vehicles overlap in the recording: what was found, by moment.
+    """
+    found: list[Moment] = []
+    refused: dict[str, str] = {}
+    for scene in scenes:
+        for step in range(0, scene.steps - LEAST, round(every / DT)):
+            try:
+                traffic = scenes.at(scene, step * DT)
+            except ValueError as error:
+                refused[f"scene {scene.id}, {step * DT:.1f} s"] = str(error)
+                continue
+            if len(traffic):
+                found.append(Moment(scene, step, traffic))
+    return found, refused
+
+
+def contested(found: Sequence[Moment]) -> list[Moment]:
+    """Those with an open conflict."""
+    return [moment for moment in found if len(moment.traffic.conflicts)]
+
+
+def followed(found: Sequence[Moment]) -> list[Moment]:
+    """Those with a car or truck that is recorded then, and 2 s later or more."""
+    return [moment for moment in found if (moment.scored[LEAST:] & moment.scored[0]).any()]
+
+
+def thinned(found: Sequence[Moment], most: int) -> list[Moment]:
+    """At most so many of the moments, evenly spread over them.
+
+    Raises:
+        ValueError: `most` is below 1.
+    """
+    if most < 1:
+        raise ValueError(f"the number of moments must be at least 1, not {most}")
+    places = np.linspace(0, len(found) - 1, min(most, len(found))).round().astype(np.int64)
+    return [found[place] for place in places.tolist()]

@@ -1,0 +1,102 @@
+"""Worlds in which one vehicle of a recorded scene acts."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from intersection_env import _core
+from intersection_env.arguments import whole_number
+from intersection_env.policies.named import gap_decider
+from intersection_env.scenes.scenes import Scenes
+from intersection_env.worlds.life import Autoreset, Worlds
+from intersection_env.worlds.recorded_tracks import RecordedTracks
+
+
+class ReplayWorlds(Worlds):
+    """Worlds in which one vehicle of a recorded scene acts among the recorded others.
+
+    Attributes:
+        tracks: the recorded tracks; `track` is an index into them.
+        action: (world,) in [-1, 1], to be written; times 6 m/s².
+        observation, final_observation: (world, 12), as in `ClosedLoopWorlds`; the latter where terminated or truncated.
+        reward: (world,); paper, Table II.
+        terminated, truncated: (world,) bool.
+        expert_observation: (world, 12), what the recorded vehicle saw at the step of `observation`.
+        expert_acceleration: (world,) [m/s²], what takes it on to its next recorded speed.
+        track: (world,) int32, who acts.
+        time: (world,) int32, the step of its scene.
+    """
+
+    core: _core.Replay
+    expert_observation: NDArray[np.float32]
+    expert_acceleration: NDArray[np.float32]
+    track: NDArray[np.int32]
+    time: NDArray[np.int32]
+
+    def __init__(
+        self,
+        scenes: str | Path | Scenes = "bendplatz",
+        *,
+        split: str | None = "train",
+        gap: str | Path = "recording",
+        worlds: int = 1,
+        autoreset: Autoreset = "same_step",
+        threads: int = 1,
+        isa: str | None = None,
+    ) -> None:
+        """Worlds in the scenes of one file; call `reset` first.
+
+        Args:
+            scenes: a scenes file's name or path, or the scenes themselves.
+            split: `"train"`, `"development"`, `"validation"`, or None for all scenes.
+            gap: who decides about gaps: the `"recording"`, or as in `ClosedLoopWorlds`.
+            worlds, autoreset, threads, isa: as in `ClosedLoopWorlds`.
+
+        Raises:
+            FileNotFoundError: there is no such file.
+            TypeError: a count that is no whole number.
+            ValueError: an impossible argument, or a scenes file that is damaged or of another map or version.
+        """
+        worlds, threads = whole_number("worlds", worlds), whole_number("threads", threads)
+        super().__init__(
+            {
+                "scenes": scenes,
+                "split": split,
+                "gap": gap,
+                "worlds": worlds,
+                "autoreset": autoreset,
+                "threads": threads,
+                "isa": isa,
+            }
+        )
+        recorded = scenes if isinstance(scenes, Scenes) else Scenes.load(scenes)
+        recorded = recorded if split is None else recorded.select(split)
+        if not len(recorded):
+            where = "the scenes handed over" if isinstance(scenes, Scenes) else f"scenes {scenes}"
+            raise ValueError(f"{where}: " + ("there are none" if split is None else f'no scene of split "{split}"'))
+        self.intersection = recorded.intersection
+        self.tracks = RecordedTracks.of(recorded)
+        self.is_recorded = str(gap) == "recording"
+        decider = gap_decider("critical_gap" if self.is_recorded else gap)
+        self.policy = _core.Policy(decider.text(), str(gap))
+        self.core = _core.Replay(
+            self.intersection.core,
+            self.policy,
+            self.is_recorded,
+            self.tracks.arrays,
+            self.tracks.actors,
+            worlds,
+            autoreset,
+            threads,
+            isa,
+        )
+        self._bind("action", "observation", "final_observation", "reward", "terminated", "truncated")
+        self._bind("expert_observation", "expert_acceleration", "track", "time")
+
+    def start(self, world: int, track: int) -> None:
+        """Begins one world's episode with this track, at its first recorded step."""
+        self.core.start(world, track)
+        self.is_reset = True
