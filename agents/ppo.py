@@ -24,11 +24,12 @@ from agents.networks.driving import Driver, DrivingNetwork
 from agents.networks.export import driving_policy, gap_hash
 from agents.rollouts.envs import ClosedLoopEnv
 from agents.rollouts.policy_update import PolicyUpdate, UpdateSettings
-from agents.rollouts.validation_run import SPEED, validation_run
+from agents.rollouts.validation_run import validation_run
 from agents.training.folder import RunFolder
 from agents.training.interrupt import Interrupted, ctrl_c
 from agents.training.seeds import rollout_collector, train_seeds
 from intersection_env.constants import DT
+from intersection_env.features import Driving
 from intersection_env.policies.named import gap_decider
 
 NOT_DECISIVE = ("run", "resume", "threads", "workers", "seeds", "tensorboard")
@@ -216,7 +217,7 @@ def _seen(rollout: TensorDict) -> dict[str, float]:
     return {
         "reward": float(rollout["next", "reward"].mean()),
         "collisions": float(rollout["next", "terminated"].float().mean()) / DT,
-        "speed": float(rollout["observation"][..., SPEED].mean()),
+        "speed": float(rollout["observation"][..., Driving.SPEED].mean()),
         "ends": float(rollout["next", "done"].float().mean()) / DT,
     }
 

@@ -10,11 +10,12 @@ import torch
 
 from agents.networks.driving import DrivingNetwork
 from imitation.expert import WORLDS, each_track
+from intersection_env.features import Driving
 from intersection_env.scenes.scenes import Scenes
 from intersection_env.worlds.replay import ReplayWorlds
 
 HORIZON = 50  # steps, 10 s
-DISTANCE_TO_STOP_LINE, SPEED, DELTA = 0, 1, 11  # of the features
+TO_LINE = Driving.DISTANCE_TO_STOP_LINE
 HARD_BRAKING = 4.0  # [m/s²]; paper, that of s_brake
 
 
@@ -47,16 +48,16 @@ def replay_error(policy: DrivingNetwork, scenes: str | Path | Scenes, split: str
     for acts in each_track(worlds):
         waits = np.zeros(WORLDS, np.bool_)
         for _ in range(HORIZON):
-            distance, speed, delta = worlds.observation[:, [DISTANCE_TO_STOP_LINE, SPEED, DELTA]].T
+            distance, speed, delta = worlds.observation[:, [TO_LINE, Driving.SPEED, Driving.ENTERS]].T
             waits = (delta == 0.0) & (distance >= 0.0) & (waits | (distance >= speed**2 / (2.0 * HARD_BRAKING)))
             with torch.no_grad():
                 worlds.action[:] = torch.tanh(policy(torch.from_numpy(worlds.observation))).numpy()
             worlds.step()
             collided += int((acts & worlds.terminated).sum())
             held += int((acts & waits).sum())
-            crossed += int((acts & waits & (worlds.observation[:, DISTANCE_TO_STOP_LINE] < 0.0)).sum())
+            crossed += int((acts & waits & (worlds.observation[:, TO_LINE] < 0.0)).sum())
             acts &= ~(worlds.terminated | worlds.truncated)
-        error = worlds.expert_observation[:, DISTANCE_TO_STOP_LINE] - worlds.observation[:, DISTANCE_TO_STOP_LINE]
+        error = worlds.expert_observation[:, TO_LINE] - worlds.observation[:, TO_LINE]
         errors.append(error[acts])
     error = np.concatenate(errors)
     return ReplayError(

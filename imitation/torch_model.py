@@ -14,15 +14,15 @@ import torch
 from torch import Tensor
 
 from intersection_env import Traffic, _core
-from intersection_env.constants import DT
+from intersection_env.constants import DT, FREE_SPEED, LEAD_RANGE
+from intersection_env.maps.intersection import Sample
 from intersection_env.policies.file import NetworkWeights, PolicyFile
 
 BRAKING = 4.0  # [m/s²]
 LEAST_LEAD_GAP, ROUNDED_STOP, OVERSHOOT = 0.5, 0.02, 0.05  # [m], of what limits a network
-FAR, FAR_SPEED = 100.0, 100.0 / 3.6  # without a lead [m], [m/s]
 
 
-class Moment(NamedTuple):
+class State(NamedTuple):
     """All scenarios after a step.
 
     position: (scenario, vehicle) [m]. speed: (scenario, vehicle) [m/s]. present: (scenario, vehicle) bool, on the map.
@@ -67,7 +67,7 @@ class TorchPredictor:
         self.last = torch.tensor(rows) - 1
         grids = [np.arange(count, dtype=np.float32) * np.float32(map_.spacing) for count in rows]
         samples = [map_.sample(int(route), grid) for route, grid in zip(self.route, grids, strict=True)]
-        self.table = torch.from_numpy(np.concatenate(samples)[:, 4:].copy())  # v_max and relative headings
+        self.table = torch.from_numpy(np.concatenate(samples)[:, Sample.V_MAX :].copy())  # v_max and relative headings
 
     def _set_leads(self, map_: _core.Map) -> None:
         """How each vehicle (row) may follow each other (column)."""
@@ -91,20 +91,23 @@ class TorchPredictor:
         self.same_lane = lanes[:, None] == lanes
 
     def _set_pairs(self, map_: _core.Map, pairs: Tensor) -> None:
-        ends = {(row[0], row[1]): (row[4], row[6]) for row in map_.conflicts}
+        ends = {
+            (yielder, prioritized): (yielder_end, prioritized_end)
+            for yielder, prioritized, _, _, yielder_end, _, prioritized_end in map_.conflicts
+        }
         rows = [ends[int(self.route[i]), int(self.route[j])] for i, j in pairs]
         self.i, self.j = pairs.unbind(1)
         self.end_i, self.end_j = torch.tensor(rows).reshape(-1, 2).unbind(1)
         self.to_i = torch.nn.functional.one_hot(self.i, len(self.route)).float()
         self.to_j = torch.nn.functional.one_hot(self.j, len(self.route)).float()
 
-    def predict(self, assignment: Tensor) -> Moment:
+    def predict(self, assignment: Tensor) -> State:
         """How it is after 10 s, under int8 assignments (scenario, pair), completed already."""
-        *_, last = self.moments(assignment)
+        *_, last = self.states(assignment)
         return last
 
     @torch.inference_mode()
-    def moments(self, assignment: Tensor) -> Iterator[Moment]:
+    def states(self, assignment: Tensor) -> Iterator[State]:
         """The next 10 s step by step, as of `predict`."""
         shape = (len(assignment), len(self.route))
         position, speed = self.position.expand(shape), self.speed.expand(shape)
@@ -128,7 +131,7 @@ class TorchPredictor:
             kept = active & (assignment == 0) & settled[:, self.i] & ~delta[:, self.j]
             delta = ~(waits | (kept.float() @ self.to_j > 0)) | settled
             own = torch.where(delta | ~waits, -1, torch.where(told, self.routes, self.route))
-            queues = (to_lead < FAR) & self.same_lane[torch.arange(shape[1]), lead] & (to_line >= 0.0)
+            queues = (to_lead < LEAD_RANGE) & self.same_lane[torch.arange(shape[1]), lead] & (to_line >= 0.0)
             hold = torch.maximum(own, torch.where(queues, hold.gather(1, lead), -1))
             asked = asked + open_.sum()
             # drive and advance
@@ -148,7 +151,7 @@ class TorchPredictor:
             position = torch.where(present, position + 0.5 * DT * (speed + faster), position)
             speed = torch.where(present, faster, speed)
             present = present & (position < self.length)
-            yield Moment(position, speed, present, lost, asked)
+            yield State(position, speed, present, lost, asked)
 
     def _limited(
         self, acceleration: Tensor, speed: Tensor, to_line: Tensor, may_run: Tensor, to_lead: Tensor, lead_speed: Tensor
@@ -182,8 +185,8 @@ class TorchPredictor:
         before_split = (rear[:, :, None] < self.split) & (rear[:, None, :] < self.split)
         leads = present[:, None, :] & (ahead > 0.0) & (before_split | (front[:, None, :] > self.merge))
         gap, lead = torch.where(leads, ahead - self.half_lengths, torch.inf).min(-1)
-        near = gap <= FAR
-        return lead, torch.where(near, gap, FAR), torch.where(near, speed.gather(1, lead), FAR_SPEED)
+        near = gap <= LEAD_RANGE
+        return lead, torch.where(near, gap, LEAD_RANGE), torch.where(near, speed.gather(1, lead), FREE_SPEED)
 
     def _active(self, assignment: Tensor, position: Tensor, rear: Tensor, present: Tensor) -> Tensor:
         yielder_second = (rear[:, self.i] < self.end_i) & (position[:, self.j] < self.end_j)

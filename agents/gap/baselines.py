@@ -16,6 +16,7 @@ from sklearn.linear_model import LogisticRegression
 
 from agents.gap.samples import UNKNOWN, GapSamples
 from agents.networks.gap import GAP_SCALE, GAP_SHIFT
+from intersection_env.features import Gap
 
 EVEN = 0.5  # a gap is accepted where acceptance is more probable than not
 SEED = 0
@@ -144,7 +145,7 @@ def nearest_foes(samples: GapSamples) -> Floats:
 
     NaN where there are fewer: scikit-learn's boosting takes that for "missing".
     """
-    order = np.lexsort((samples.features[:, 2], samples.sample))
+    order = np.lexsort((samples.features[:, Gap.FOE_DISTANCE_TO_STOP_LINE], samples.sample))
     sample = samples.sample[order]
     rank = np.arange(len(sample)) - np.searchsorted(sample, sample)
     kept = rank < NEAREST

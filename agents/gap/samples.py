@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass, fields, replace
+from enum import IntEnum
 from typing import Literal
 
 import numpy as np
@@ -16,6 +17,7 @@ from numpy.typing import NDArray
 from tqdm import tqdm
 
 from intersection_env.constants import DT
+from intersection_env.features import Driving
 from intersection_env.maps.intersection import Conflict, Intersection
 from intersection_env.prediction.predictor import Predictor
 from intersection_env.scenes.scene import Scene, Track
@@ -29,14 +31,26 @@ Foes = Literal["recorded", "all"]
 """Which prioritized vehicles count: those in the field of view, or also those extrapolated into the past."""
 
 
+class Kinematics(IntEnum):
+    """Columns of `GapSamples.kinematics`."""
+
+    DISTANCE_TO_STOP_LINE = 0
+    V_MAX = 1
+    FOE_V_MAX = 2
+    FOE_TO_LEAVE = 3
+    MERGING = 4
+    FOE_LENGTH = 5
+
+
 @dataclass(frozen=True)
 class GapSamples:
     """Pairs in rows, grouped by sample.
 
     features: (pair, 4) float32, as `Observation.gap`: distance to the PGA [m], speed [m/s], the foe's distance to
         its stop line [m], its speed [m/s].
-    kinematics: (pair, 6) float32: the yielder's distance to its stop line [m] and v_max [m/s]; the foe's v_max [m/s]
-        and its distance until its rear has left the conflict [m]; merging (0 or 1); the foe's length [m].
+    kinematics: (pair, 6) float32, columns `Kinematics`: the yielder's distance to its stop line [m] and v_max [m/s];
+        the foe's v_max [m/s] and its distance until its rear has left the conflict [m]; merging (0 or 1); the foe's
+        length [m].
     first: (pair,) int8, 1 if the yielder reached the conflict first, 0 if the foe did, -1 if the scene ends before.
     recorded: (pair,) bool, the foe was in the field of view at that frame.
     critical_gap, sumo: (pair,) bool, what the rules of the core decide.
@@ -151,7 +165,7 @@ def _frame(
     if not kept.any():
         return 0
     i, j = traffic.conflicts[kept].T
-    d_stop, v_max = seen.driving[:, 0], seen.driving[:, 2]
+    d_stop, v_max = seen.driving[:, Driving.DISTANCE_TO_STOP_LINE], seen.driving[:, Driving.V_MAX]
     conflicts = [orders.conflict(tracks[a], tracks[b]) for a, b in zip(i, j, strict=True)]
     leaves = (
         np.array([c.on_prioritized[1] for c in conflicts], np.float32) - traffic.position[j] + 0.5 * traffic.length[j]
@@ -175,7 +189,7 @@ def _why_not(track: Track, observed: bool, driving: NDArray[np.float32]) -> str:
         return "bicycle"
     if not observed:
         return "extrapolated"
-    if driving[9] < max(LED_DISTANCE, LED_TIME * float(driving[1])):
+    if driving[Driving.LEAD_DISTANCE] < max(LED_DISTANCE, LED_TIME * float(driving[Driving.SPEED])):
         return "slowed by a lead"
     return ""
 

@@ -15,7 +15,7 @@ from torchrl.envs import EnvBase
 
 from intersection_env.arguments import check_seed
 from intersection_env.envs.spaces import observation_space
-from intersection_env.maps.intersection import Intersection
+from intersection_env.maps.intersection import Intersection, Sample
 from intersection_env.scenes.scenes import Scenes
 from intersection_env.worlds.closed_loop import ClosedLoopWorlds
 from intersection_env.worlds.life import fresh_seed
@@ -163,7 +163,7 @@ class ClosedLoopEnv(_WorldsEnv):
             arguments: worlds, vehicles, gap, max_cycles, threads and isa, as of `ClosedLoopWorlds`.
         """
         worlds = ClosedLoopWorlds(map, autoreset="same_step", **arguments)
-        fastest = max(float(route.samples[:, 4].max()) for route in worlds.intersection.routes)
+        fastest = max(float(route.samples[:, Sample.V_MAX].max()) for route in worlds.intersection.routes)
         box = observation_space(worlds.intersection, fastest, backing=True)
         super().__init__(worlds, desynchronise, torch.from_numpy(box.low), torch.from_numpy(box.high))
         self.group_map = {AGENTS: [f"vehicle_{slot}" for slot in range(worlds.action.shape[1])]}

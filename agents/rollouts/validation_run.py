@@ -11,11 +11,11 @@ from tensordict import TensorDict
 from agents.networks.driving import Driver, DrivingNetwork
 from agents.rollouts.collector import Rollouts
 from intersection_env.constants import DT
+from intersection_env.features import Driving
 from intersection_env.maps.intersection import Intersection
 from intersection_env.worlds.closed_loop import ClosedLoopWorlds
 
 STEPS = 10_000  # 2000 s; paper, Section IV-B.2
-SPEED = 1  # of the features
 MEAN_ONLY = 1e-6
 """A deviation so small that actions are the mean."""
 PART = 100  # steps a rollout
@@ -77,7 +77,7 @@ def validation_run(
         paid, terminated = data["next", "reward"].double(), data["next", "terminated"]
         reward += float(paid.sum())
         kept += float(paid[~terminated].sum())
-        speed += float(data["observation"][..., SPEED].double().sum())
+        speed += float(data["observation"][..., Driving.SPEED].double().sum())
         ended += int(terminated.sum())
         count += data.numel()
     return ValidationRun(

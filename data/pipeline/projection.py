@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from data.formats.ind import Recording
 from data.formats.ind_checks import VEHICLES
-from intersection_env.maps.intersection import Intersection, Route
+from intersection_env.maps.intersection import Intersection, Route, Sample
 from intersection_env.scenes.scene import Track
 
 RMS_EXCESS = 1.5  # [m], ours: half a lane; neighbouring lanes are 2.8 m apart
@@ -62,11 +62,11 @@ class RouteLine:
 
     def width(self, position: Floats) -> Floats:
         """The lane's width at the given arc lengths [m]."""
-        return self._samples(position)[:, 3].astype(np.float64)
+        return self._samples(position)[:, Sample.WIDTH].astype(np.float64)
 
     def direction(self, position: Floats) -> Floats:
         """(position, 2): the unit vector along the route."""
-        heading = self._samples(position)[:, 2].astype(np.float64)
+        heading = self._samples(position)[:, Sample.HEADING].astype(np.float64)
         return np.stack([np.cos(heading), np.sin(heading)], axis=1)
 
     def _samples(self, position: Floats) -> NDArray[np.float32]:

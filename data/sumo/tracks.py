@@ -196,18 +196,19 @@ def overlaps(tracks: list[Track], step: int = 5) -> int:
     left, right = np.array([a for a, _ in pairs]), np.array([b for _, b in pairs])
     size = np.array([(one.length, one.width) for one in tracks])
     touch = _touch_in_frame(left, right, size) & _touch_in_frame(right, left, size)
-    found = np.stack([left[touch, 0], right[touch, 0]], axis=1)
-    return len(np.unique(found, axis=0))
+    tracks_that_touch = np.stack([left[touch], right[touch]], axis=1)[..., 0]  # (pair, 2)
+    return len(np.unique(tracks_that_touch, axis=0))
 
 
 def _touch_in_frame(one: Floats, other: Floats, size: Floats) -> NDArray[np.bool_]:
     """Whether the boxes (track, x, y, heading) meet in both directions of the first box's frame."""
-    mine, theirs = size[one[:, 0].astype(int)], size[other[:, 0].astype(int)]
-    turn = other[:, 3] - one[:, 3]
+    (track, x, y, heading), (other_track, other_x, other_y, other_heading) = one.T, other.T
+    length, width = size[track.astype(int)].T
+    other_length, other_width = size[other_track.astype(int)].T
+    turn, apart_x, apart_y = other_heading - heading, other_x - x, other_y - y
     cos, sin = np.abs(np.cos(turn)), np.abs(np.sin(turn))
-    apart = other[:, 1:3] - one[:, 1:3]
-    c, s = np.cos(one[:, 3]), np.sin(one[:, 3])
-    along, aside = np.abs(c * apart[:, 0] + s * apart[:, 1]), np.abs(c * apart[:, 1] - s * apart[:, 0])
-    reach_along = 0.5 * (mine[:, 0] + theirs[:, 0] * cos + theirs[:, 1] * sin)
-    reach_aside = 0.5 * (mine[:, 1] + theirs[:, 0] * sin + theirs[:, 1] * cos)
+    c, s = np.cos(heading), np.sin(heading)
+    along, aside = np.abs(c * apart_x + s * apart_y), np.abs(c * apart_y - s * apart_x)
+    reach_along = 0.5 * (length + other_length * cos + other_width * sin)
+    reach_aside = 0.5 * (width + other_length * sin + other_width * cos)
     return np.asarray((along < reach_along) & (aside < reach_aside))

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from intersection_env import ClosedLoopWorlds
 from intersection_env.constants import ACCELERATION, DT
+from intersection_env.features import Driving
 
 if TYPE_CHECKING:
     import torch
@@ -28,7 +29,10 @@ NOISE = 0.15  # of the action while samples are collected, so that mistakes are 
 
 def idm_actions(observation: Floats) -> Floats:
     """The actions (...,) of an IDM that waits at its line while delta is 0 and never backs; observation (..., 12)."""
-    to_line, speed, limit, to_lead, lead_speed, enters = (observation[..., k] for k in (0, 1, 2, 9, 10, 11))
+    to_line, speed, limit = (observation[..., k] for k in (Driving.DISTANCE_TO_STOP_LINE, Driving.SPEED, Driving.V_MAX))
+    to_lead, lead_speed, enters = (
+        observation[..., k] for k in (Driving.LEAD_DISTANCE, Driving.LEAD_SPEED, Driving.ENTERS)
+    )
     acceleration = _idm(speed, limit, to_lead, lead_speed)
     waiting = np.minimum(acceleration, _idm(speed, limit, to_line, np.zeros_like(speed)))
     acceleration = np.maximum(np.where(enters > 0.5, acceleration, waiting), -speed / DT)

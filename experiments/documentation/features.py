@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from intersection_env import Intersection, Predictor, Traffic, Vehicle
+from intersection_env.maps.intersection import Sample
 from intersection_env.plots.files import write_figure
 from intersection_env.plots.map_plot import INK, draw_lanes
 
@@ -96,7 +97,7 @@ def _measure(
 ) -> None:
     """A dimension line along a vehicle's route between two arc lengths, `aside` metres to its left."""
     along = np.array([_pose(traffic, vehicle, at) for at in np.linspace(begin, end, 60)])
-    left = np.stack([-np.sin(along[:, 2]), np.cos(along[:, 2])], axis=1)
+    left = np.stack([-np.sin(along[:, Sample.HEADING]), np.cos(along[:, Sample.HEADING])], axis=1)
     line = along[:, :2] + aside * left
     axes.plot(*line.T, color=colour, linewidth=1.3, zorder=5.0)
     for index in (0, -1):

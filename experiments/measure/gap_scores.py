@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agents.gap.baselines import Decider, Floats
-from agents.gap.samples import UNKNOWN, Foes, GapSamples
+from agents.gap.samples import UNKNOWN, Foes, GapSamples, Kinematics
 
 NETWORK = "network"
 RESAMPLES, COVERAGE, SEED = 2000, 0.95, 0
@@ -47,7 +47,9 @@ def tally(decider: Decider, samples: GapSamples, recordings: Sequence[str]) -> T
     label = samples.labels()
     right = decider.decide(samples) == label
     before = np.zeros(len(samples), np.bool_)
-    before[samples.sample] = samples.kinematics[:, 0] >= 0.0  # the same in all pairs of a sample
+    before[samples.sample] = (
+        samples.kinematics[:, Kinematics.DISTANCE_TO_STOP_LINE] >= 0.0
+    )  # the same in all pairs of a sample
     accepts, probability = decider.accepts(samples), decider.probability(samples)
 
     def count(places: NDArray[np.int64], flags: NDArray[np.bool_]) -> Floats:

@@ -1,4 +1,4 @@
-"""A prediction from motions that something else than our core has computed."""
+"""A prediction from trajectories that something else than our core has computed."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ Floats = NDArray[np.floating[Any]]
 Flags = NDArray[np.bool_]
 
 
-def prediction_of_motions(traffic: Traffic, position: Floats, speed: Floats, present: Flags) -> Prediction:
-    """One scenario, with what follows from its motions by the measures of our own predictions.
+def prediction_of_trajectories(traffic: Traffic, position: Floats, speed: Floats, present: Flags) -> Prediction:
+    """One scenario, with what follows from its trajectories by the measures of our own predictions.
 
     Args:
         traffic: the vehicles now.

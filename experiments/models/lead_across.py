@@ -12,7 +12,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from experiments.models.from_trajectories import prediction_of_motions
+from experiments.models.from_trajectories import prediction_of_trajectories
 from imitation.torch_model import TorchPredictor
 from intersection_env import Traffic, _core
 from intersection_env.policies.file import PolicyFile
@@ -67,13 +67,13 @@ class TorchForecaster:
         bound = self.model(traffic, self.policy)
         none = np.zeros((1, len(traffic.conflicts)), np.int8)
         completed = _core.complete(traffic.intersection.core, traffic.core, none)
-        moments = list(bound.moments(torch.from_numpy(completed)))
+        states = list(bound.states(torch.from_numpy(completed)))
         position, speed, present = (
-            torch.cat([now[None], *(getattr(moment, name) for moment in moments)]).numpy()
+            torch.cat([now[None], *(getattr(state, name) for state in states)]).numpy()
             for name, now in (
                 ("position", bound.position),
                 ("speed", bound.speed),
                 ("present", bound.position < bound.length),
             )
         )
-        return prediction_of_motions(traffic, position, speed, present)
+        return prediction_of_trajectories(traffic, position, speed, present)

@@ -30,7 +30,7 @@ from numpy.typing import NDArray
 
 from data.sumo import network as sumo_network
 from experiments.bench.environment_peers import MAP, sumo_files
-from experiments.models.from_trajectories import prediction_of_motions
+from experiments.models.from_trajectories import prediction_of_trajectories
 from intersection_env.constants import STEPS
 from intersection_env.evaluation.errors import evaluate
 from intersection_env.evaluation.moments import moments_of
@@ -107,7 +107,7 @@ class SumoPredictor:
                 position[step:, i] = begin + scale * vehicle.getLanePosition(id) - 0.5 * traffic.length[i]
                 speed[step:, i] = scale * vehicle.getSpeed(id)
                 present[step, i] = True
-        return prediction_of_motions(traffic, position, speed, present)
+        return prediction_of_trajectories(traffic, position, speed, present)
 
     def _restore(self, traffic: Traffic) -> None:
         """Puts the vehicles, named by their indices, into an empty SUMO.

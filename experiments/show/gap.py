@@ -9,9 +9,10 @@ import numpy as np
 import torch
 
 from agents.gap.baselines import EVEN, Floats
-from agents.gap.samples import GapSamples
+from agents.gap.samples import GapSamples, Kinematics
 from agents.networks.gap import GapNetwork
 from experiments.measure.gap_scores import BINS, FOES, NETWORK
+from intersection_env.features import Gap
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -48,12 +49,13 @@ def plot(network: GapNetwork, samples: GapSamples, results: Mapping[str, Any]) -
 
 def typical_distances(samples: GapSamples, speed: float, merging: bool) -> tuple[float, float]:
     """The median distances to stop line and PGA [m] of yielders before the line at about this speed."""
-    to_stop, merges = samples.kinematics[:, 0], samples.kinematics[:, 4] == 1.0
-    near = np.abs(samples.features[:, 1] - speed) <= SPEED_BAND
+    to_stop = samples.kinematics[:, Kinematics.DISTANCE_TO_STOP_LINE]
+    merges = samples.kinematics[:, Kinematics.MERGING] == 1.0
+    near = np.abs(samples.features[:, Gap.SPEED] - speed) <= SPEED_BAND
     chosen = near & (merges == merging) & (to_stop >= 0.0)
     if not chosen.any():
         raise ValueError(f"no yielder at about {speed} m/s before its stop line to take distances from")
-    return float(np.median(to_stop[chosen])), float(np.median(samples.features[chosen, 0]))
+    return float(np.median(to_stop[chosen])), float(np.median(samples.features[chosen, Gap.DISTANCE_TO_PGA]))
 
 
 def acceptance(network: GapNetwork, speed: float, to_pga: float) -> Floats:
@@ -77,7 +79,7 @@ def _draw_acceptance(axes: Axes, network: GapNetwork, samples: GapSamples, mergi
     from matplotlib import colormaps
 
     axes.axhline(EVEN, color=QUIET, linewidth=0.8, linestyle=(0, (4, 3)))
-    seen = float(samples.features[samples.recorded, 2].max()) / FOE_SPEED
+    seen = float(samples.features[samples.recorded, Gap.FOE_DISTANCE_TO_STOP_LINE].max()) / FOE_SPEED
     axes.axvspan(seen, GAPS[-1], color="#f3f3f0", zorder=0.0)
     axes.text(GAPS[-1] - 0.1, 0.0, "foe beyond the field of view: extrapolated", fontsize=8, color=QUIET, ha="right")
     for speed, shade in zip(SPEEDS, np.linspace(0.0, 0.85, len(SPEEDS)), strict=True):

@@ -17,7 +17,7 @@ from pettingzoo.utils.wrappers import AssertOutOfBoundsWrapper, OrderEnforcingWr
 from intersection_env.envs.actions import read_actions
 from intersection_env.envs.spaces import action_space, observation_space
 from intersection_env.envs.view import FRAMES_PER_SECOND, RENDER_MODES, View
-from intersection_env.maps.intersection import Intersection
+from intersection_env.maps.intersection import Intersection, Sample
 from intersection_env.worlds.closed_loop import ClosedLoopWorlds
 from intersection_env.worlds.life import fresh_seed
 
@@ -190,7 +190,7 @@ class ClosedLoop(ParallelEnv[str, Array, Array]):
         self._nobody = dict.fromkeys(self.possible_agents, False)
         self.agents: list[str] = []
         intersection = self._worlds.intersection
-        fastest = max(float(route.samples[:, 4].max()) for route in intersection.routes)
+        fastest = max(float(route.samples[:, Sample.V_MAX].max()) for route in intersection.routes)
         observations = observation_space(intersection, fastest, backing=True)
         self._observation_spaces = {agent: observations for agent in self.possible_agents}
         self._action_spaces = {agent: action_space() for agent in self.possible_agents}

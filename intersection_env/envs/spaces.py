@@ -9,7 +9,7 @@ from gymnasium.spaces import Box
 
 from intersection_env import _core
 from intersection_env.constants import ACCELERATION, DT, FREE_SPEED, LEAD_RANGE
-from intersection_env.maps.intersection import Intersection
+from intersection_env.maps.intersection import Intersection, Sample
 
 ROUNDING = 0.1  # [m] and [m/s], on top of every bound: float32 along a route
 
@@ -33,8 +33,8 @@ def observation_space(intersection: Intersection, fastest: float, backing: bool)
     length = max(route.length for route in routes)
     speed = math.sqrt(fastest**2 + 2.0 * ACCELERATION * length) + ACCELERATION * DT + ROUNDING
     beyond = speed * DT + ROUNDING
-    turn = max(math.pi, *(float(np.abs(route.samples[:, 5:]).max()) for route in routes))
-    v_max = max(float(route.samples[:, 4].max()) for route in routes)
+    turn = max(math.pi, *(float(np.abs(route.samples[:, Sample.HEADINGS :]).max()) for route in routes))
+    v_max = max(float(route.samples[:, Sample.V_MAX].max()) for route in routes)
     past_line = max(route.length - route.stop_line for route in routes) + beyond + 0.5 * _core.MOST_LENGTH
     before_line = max(route.stop_line for route in routes) + (beyond if backing else 0.0)
     slowest = -speed if backing else 0.0

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from enum import IntEnum
 from functools import cached_property
 from pathlib import Path
 from typing import NamedTuple
@@ -13,6 +14,20 @@ from numpy.typing import NDArray
 from intersection_env import _core
 
 MAPS = Path(__file__).parent
+
+
+class Sample(IntEnum):
+    """Columns of `Route.samples` and of `Intersection.sample`.
+
+    HEADINGS is the first of six: relative headings at -10, -3, 3, 10, 30 and 100 m.
+    """
+
+    X = 0
+    Y = 1
+    HEADING = 2
+    WIDTH = 3
+    V_MAX = 4
+    HEADINGS = 5
 
 
 @dataclass(frozen=True)
@@ -29,8 +44,8 @@ class Route:
     """Where the approach ends and where the exit lane begins."""
     first_conflict: float
     samples: NDArray[np.float32]
-    """(sample, 11): x, y [m], heading [rad, unwrapped], lane width [m], v_max [m/s], relative heading at the
-    six offsets [rad]; one sample every `Intersection.spacing`."""
+    """(sample, 11), columns `Sample`: x, y [m], heading [rad, unwrapped], lane width [m], v_max [m/s], relative
+    heading at the six offsets [rad]; one sample every `Intersection.spacing`."""
 
 
 class Conflict(NamedTuple):

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from intersection_env.maps.compiler import SWEPT_WIDTH
-from intersection_env.maps.intersection import Conflict, Intersection, Route
+from intersection_env.maps.intersection import Conflict, Intersection, Route, Sample
 from intersection_env.plots.files import SUFFIXES, write_figure
 
 if TYPE_CHECKING:
@@ -122,8 +122,8 @@ def _band(
 ) -> NDArray[np.float32]:
     """The outline of a stretch of a route, as wide as its lane by default: (point, 2) [m]."""
     samples = _along(intersection, intersection.routes[route], begin, end)
-    half = 0.5 * (samples[:, 3:4] if width is None else np.full((len(samples), 1), width, np.float32))
-    left = np.stack([-np.sin(samples[:, 2]), np.cos(samples[:, 2])], axis=1)
+    half = 0.5 * (samples[:, [Sample.WIDTH]] if width is None else np.full((len(samples), 1), width, np.float32))
+    left = np.stack([-np.sin(samples[:, Sample.HEADING]), np.cos(samples[:, Sample.HEADING])], axis=1)
     return np.concatenate([samples[:, :2] + half * left, (samples[:, :2] - half * left)[::-1]])
 
 

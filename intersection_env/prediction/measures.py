@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from intersection_env import _core
 from intersection_env.constants import DT
-from intersection_env.maps.intersection import Intersection
+from intersection_env.maps.intersection import Intersection, Sample
 from intersection_env.prediction.predictor import Prediction
 from intersection_env.traffic import Traffic
 
@@ -26,7 +26,7 @@ def time_loss(
         position, speed: (time,) at steps of 0.2 s [m], [m/s].
         max_speed: the vehicle's own top speed [m/s].
     """
-    v_max = np.minimum(intersection.sample(route, np.ascontiguousarray(position))[:, 4], max_speed)
+    v_max = np.minimum(intersection.sample(route, np.ascontiguousarray(position))[:, Sample.V_MAX], max_speed)
     lost = DT * (1.0 - speed.astype(np.float64) / v_max)
     return np.concatenate([[0.0], np.cumsum(lost[:-1])])
 

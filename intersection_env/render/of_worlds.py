@@ -9,11 +9,10 @@ from numpy.typing import NDArray
 
 from intersection_env import _core
 from intersection_env.constants import DT
+from intersection_env.maps.intersection import Sample
 from intersection_env.render.snapshot import Ghosts, Snapshot
 from intersection_env.worlds.closed_loop import ClosedLoopWorlds
 from intersection_env.worlds.replay import ReplayWorlds
-
-V_MAX = 4  # column of `Intersection.sample`
 
 
 def snapshot_of(worlds: ClosedLoopWorlds | ReplayWorlds, world: int = 0) -> Snapshot:
@@ -72,7 +71,7 @@ def replay_snapshot(worlds: ReplayWorlds, world: int) -> Snapshot:
 
 def _v_max(worlds: ClosedLoopWorlds | ReplayWorlds, vehicles: dict[str, NDArray[Any]]) -> NDArray[np.float32]:
     limits = [
-        worlds.intersection.sample(route, position)[0, V_MAX]
+        worlds.intersection.sample(route, position)[0, Sample.V_MAX]
         for route, position in zip(vehicles["route"].tolist(), vehicles["position"][:, None], strict=True)
     ]
     return np.asarray(np.minimum(limits, vehicles["max_speed"]), np.float32)

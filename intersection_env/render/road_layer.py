@@ -11,7 +11,7 @@ import pygame
 import shapely
 from numpy.typing import NDArray
 
-from intersection_env.maps.intersection import Intersection, Route
+from intersection_env.maps.intersection import Intersection, Route, Sample
 from intersection_env.plots.map_plot import CLOSED_GAP
 from intersection_env.render.camera import Camera
 from intersection_env.render.ink import DIM, INK, SPEEDS, Colour, Lettering
@@ -75,7 +75,7 @@ def _shapes(intersection: Intersection, camera: Camera) -> Iterator[tuple[BaseGe
 
 def _sides(samples: NDArray[np.float32]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """The left and the right border of a lane along its samples: (sample, 2) [m] each."""
-    heading, half = samples[:, 2].astype(np.float64), 0.5 * samples[:, 3:4].astype(np.float64)
+    heading, half = samples[:, Sample.HEADING].astype(np.float64), 0.5 * samples[:, [Sample.WIDTH]].astype(np.float64)
     left = half * np.stack([-np.sin(heading), np.cos(heading)], axis=1)
     return samples[:, :2] + left, samples[:, :2] - left
 
@@ -110,7 +110,8 @@ def _stop_lines(intersection: Intersection, must_yield: bool) -> Iterator[NDArra
 def _at_stop_line(intersection: Intersection, route: Route) -> NDArray[np.float32]:
     at = intersection.sample(route.index, np.array([route.stop_line], np.float32))
     approach = intersection.sample(route.index, np.array([route.junction[0]], np.float32))
-    at[:, 2], at[:, 3] = approach[:, 2], np.minimum(at[:, 3], LINE_LENGTH)
+    at[:, Sample.HEADING] = approach[:, Sample.HEADING]
+    at[:, Sample.WIDTH] = np.minimum(at[:, Sample.WIDTH], LINE_LENGTH)
     return at
 
 

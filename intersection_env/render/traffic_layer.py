@@ -9,7 +9,7 @@ import numpy as np
 import pygame
 from numpy.typing import NDArray
 
-from intersection_env.maps.intersection import Intersection
+from intersection_env.maps.intersection import Intersection, Sample
 from intersection_env.render.camera import Camera
 from intersection_env.render.ink import (
     DIM,
@@ -63,7 +63,7 @@ class Bodies:
         positions = zip(vehicles.route.tolist(), vehicles.position[:, None], strict=True)
         poses = [intersection.sample(route, position)[0, :3] for route, position in positions]
         table = np.array(poses, dtype=np.float64).reshape(-1, 3)
-        forward = np.stack([np.cos(table[:, 2]), np.sin(table[:, 2])], axis=1)
+        forward = np.stack([np.cos(table[:, Sample.HEADING]), np.sin(table[:, Sample.HEADING])], axis=1)
         left = np.stack([-forward[:, 1], forward[:, 0]], axis=1)
         half = 0.5 * np.stack([vehicles.length, vehicles.width], axis=1).astype(np.float64)
         return cls(table[:, :2], forward, left, half)

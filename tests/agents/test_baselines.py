@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from agents.gap.baselines import BASELINES, nearest_foes, sumo_accepts
 from agents.gap.samples import GapSamples
+from intersection_env.features import Gap
 
 PROBABLE = ("logistic", "boosting", "boosting_three")
 CAR = 4.5  # [m]
@@ -39,8 +40,8 @@ def planted(count: int, seed: int = 0) -> GapSamples:
     generator = np.random.default_rng(seed)
     sample = np.sort(np.concatenate([np.arange(count), generator.integers(0, count, count)]))
     features = np.full((len(sample), 4), (12.0, 3.0, 0.0, 10.0))
-    features[:, 2] = generator.uniform(0.0, 100.0, len(sample))
-    return gap_samples_of(features, features[:, 2] > 50.0, sample)
+    features[:, Gap.FOE_DISTANCE_TO_STOP_LINE] = generator.uniform(0.0, 100.0, len(sample))
+    return gap_samples_of(features, features[:, Gap.FOE_DISTANCE_TO_STOP_LINE] > 50.0, sample)
 
 
 def pair(

@@ -27,6 +27,7 @@ from agents.rollouts.policy_update import PolicyUpdate, UpdateSettings
 from agents.rollouts.validation_run import validation_run
 from agents.training.folder import CHECKPOINT, METRICS, RunFolder
 from intersection_env import ClosedLoopWorlds, Predictor, _core
+from intersection_env.features import Driving
 from intersection_env.policies.file import PolicyFile
 from intersection_env.policies.named import gap_decider
 from tests.agents.test_torchrl import GAMMA, LAMBDA, recursion
@@ -105,7 +106,10 @@ def test_predictor_drives_by_the_exported_network(tmp_path: Path) -> None:
         drives = prediction.present[0, 0] & (prediction.speed[0, 1] > 0.0)
         done = prediction.acceleration[0, 0]
         assert (done[drives] <= wanted[drives] + 1e-4).all()
-        free = drives & (seen[:, 9] > 60.0) & ((seen[:, 11] == 1.0) | (seen[:, 0] > 60.0))
+        to_line, to_lead, enters = (
+            seen[:, k] for k in (Driving.DISTANCE_TO_STOP_LINE, Driving.LEAD_DISTANCE, Driving.ENTERS)
+        )
+        free = drives & (to_lead > 60.0) & ((enters == 1.0) | (to_line > 60.0))
         np.testing.assert_allclose(done[free], wanted[free], atol=1e-4)
         compared += int(free.sum())
     assert compared > 50
@@ -329,7 +333,7 @@ def test_validation_run_is_what_steps_by_hand_give() -> None:
     by_hand.reset(8, desynchronise=True)
     rewards, speeds, ends = [], [], []
     for _ in range(steps):
-        speeds.append(by_hand.observation[..., 1].copy())
+        speeds.append(by_hand.observation[..., Driving.SPEED].copy())
         with torch.no_grad():
             by_hand.action[:] = torch.tanh(policy(torch.from_numpy(by_hand.observation))).numpy()
         by_hand.step()

@@ -22,6 +22,7 @@ from gymnasium.wrappers import RecordVideo
 from data.build import build
 from data.formats.ind import recording_ids
 from intersection_env import Replay, ReplayVector, ReplayWorlds, Scenes
+from intersection_env.features import Driving
 from intersection_env.scenes.file import pack
 from intersection_env.scenes.scenes import RECORDED
 from intersection_env.worlds.recorded_tracks import RecordedTracks
@@ -240,7 +241,7 @@ def test_bicycles_act_only_if_named() -> None:
     )
     observation, info = environment.reset(options={"scene": scene.id, "vehicle": track.id})
     assert info["vehicle"] == track.id
-    assert observation[2] == 5.0, "a bicycle's own top speed"
+    assert observation[Driving.V_MAX] == 5.0, "a bicycle's own top speed"
 
 
 @pytest.mark.parametrize("gap", GAPS)

@@ -45,8 +45,8 @@ def bendplatz() -> Intersection:
 def begins(bendplatz: Intersection) -> dict[str, float]:
     """Where the conflict of the two routes begins on each [m]."""
     own, other = bendplatz.route_index(YIELDER), bendplatz.route_index(PRIORITIZED)
-    row = next(row for row in bendplatz.core.conflicts if row[:2] == (own, other))
-    return {YIELDER: row[3], PRIORITIZED: row[5]}
+    conflict = next(one for one in bendplatz.conflicts if (one.yielder, one.prioritized) == (own, other))
+    return {YIELDER: conflict.on_yielder[0], PRIORITIZED: conflict.on_prioritized[0]}
 
 
 def arriving(

@@ -15,6 +15,7 @@ from experiments.bench import environment_peers as peers
 from experiments.bench import environments as environment_bench
 from experiments.documentation.results import environments_block
 from intersection_env import ClosedLoopWorlds, ReplayWorlds
+from intersection_env.features import Driving
 
 
 def observation(**seen: float) -> np.ndarray[Any, np.dtype[np.float32]]:
@@ -64,7 +65,7 @@ def test_the_fitted_network_keeps_traffic_going(monkeypatch: pytest.MonkeyPatch)
         worlds.action[:] = idm_driver.network_output(network, worlds.observation)
         worlds.step()
         ended += int(worlds.done.sum())
-        speeds.append(worlds.observation[..., 1].mean())
+        speeds.append(worlds.observation[..., Driving.SPEED].mean())
     assert ended / 64 / 150 < 0.02
     assert np.mean(speeds) > 6.0
 

@@ -13,12 +13,13 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from agents.gap.baselines import BASELINES, Decider, PairRule, SampleModel
-from agents.gap.samples import GapSamples
+from agents.gap.samples import GapSamples, Kinematics
 from agents.gap.train import GapSettings
 from agents.networks.gap import GapNetwork, least_logit
 from experiments.measure.gap import Options, decider_of, main, on_folds, on_split
 from experiments.measure.gap_scores import BINS, NETWORK, RESAMPLES, compare, measures, table, tally
 from experiments.show.gap import acceptance, critical, plot, typical_distances
+from intersection_env.features import Gap
 from tests.agents.test_baselines import gap_samples_of, planted
 
 ONCE = np.ones((1, 1))
@@ -32,7 +33,7 @@ def saying(probability: NDArray[np.float64]) -> Decider:
 def by_hand() -> GapSamples:
     """Three samples: one foe let pass; one foe preceded; two foes, one let pass and one of unknown order."""
     samples = gap_samples_of([(10.0, 0.0, d, 10.0) for d in (20.0, 80.0, 30.0, 90.0)], [0, 1, 0, -1], [0, 1, 2, 2])
-    samples.kinematics[:, 0] = (4.0, 3.0, -2.0, -2.0)
+    samples.kinematics[:, Kinematics.DISTANCE_TO_STOP_LINE] = (4.0, 3.0, -2.0, -2.0)
     return samples
 
 
@@ -46,7 +47,7 @@ def in_recordings(samples: GapSamples, count: int) -> GapSamples:
 
 
 def test_accuracies_are_those_counted_by_hand() -> None:
-    accepts_beyond_25 = PairRule(lambda samples: samples.features[:, 2] > 25.0)
+    accepts_beyond_25 = PairRule(lambda samples: samples.features[:, Gap.FOE_DISTANCE_TO_STOP_LINE] > 25.0)
     found = figures(accepts_beyond_25, by_hand())
     assert found["accuracy"] == pytest.approx(2 / 3)  # the third sample is wrong
     assert found["pair_accuracy"] == pytest.approx(2 / 3)  # of three pairs of known order, the third
@@ -143,7 +144,7 @@ def test_acceptance_is_asked_at_the_features_of_the_network() -> None:
     class Asked(GapNetwork):
         def forward(self, features: torch.Tensor) -> torch.Tensor:
             self.asked = features
-            return features[:, 2]
+            return features[:, Gap.FOE_DISTANCE_TO_STOP_LINE]
 
     network = Asked()
     chance = acceptance(network, 4.0, 14.0)
@@ -153,7 +154,7 @@ def test_acceptance_is_asked_at_the_features_of_the_network() -> None:
 
 def test_distances_of_a_speed_are_medians_before_the_line() -> None:
     samples = gap_samples_of([(d, 4.0, 9.0, 9.0) for d in (10.0, 12.0, 20.0, 99.0)], [0] * 4)
-    samples.kinematics[:, 0] = (3.0, 4.0, 9.0, -1.0)
+    samples.kinematics[:, Kinematics.DISTANCE_TO_STOP_LINE] = (3.0, 4.0, 9.0, -1.0)
     assert typical_distances(samples, 4.5, merging=False) == (4.0, 12.0)
     with pytest.raises(ValueError, match="no yielder at about 8"):
         typical_distances(samples, 8.0, merging=False)
@@ -161,8 +162,8 @@ def test_distances_of_a_speed_are_medians_before_the_line() -> None:
 
 def test_figure_shows_both_kinds_of_conflict_and_reliability() -> None:
     samples = in_recordings(planted(300), 3)
-    samples.features[:, 1] = np.arange(len(samples.features)) % 9
-    samples.kinematics[:, 4] = np.arange(len(samples.features)) % 2
+    samples.features[:, Gap.SPEED] = np.arange(len(samples.features)) % 9
+    samples.kinematics[:, Kinematics.MERGING] = np.arange(len(samples.features)) % 2
     network = GapNetwork()
     figure = plot(network, samples, on_split(network, samples, samples))
     assert isinstance(figure, Figure)

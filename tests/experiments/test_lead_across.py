@@ -25,11 +25,10 @@ def crossing(speed: float, before: float, *others: Vehicle) -> Traffic:
     """A vehicle so far [m] before a conflict, and one upon it with this speed."""
     bendplatz = Intersection.load("bendplatz")
     names = [route.id for route in bendplatz.routes]
-    yielder, prioritized, _, begin, _, other_begin, _ = next(
-        row for row in bendplatz.core.conflicts if not row[2] and names[row[1]] == "SE-NW"
-    )
-    comes = Vehicle("comes", names[prioritized], other_begin - before - 2.25, 10.0)
-    stands = Vehicle("stands", names[yielder], begin + 1.0, speed)
+    conflict = next(one for one in bendplatz.conflicts if not one.merging and names[one.prioritized] == "SE-NW")
+    begin, other_begin = conflict.on_yielder[0], conflict.on_prioritized[0]
+    comes = Vehicle("comes", names[conflict.prioritized], other_begin - before - 2.25, 10.0)
+    stands = Vehicle("stands", names[conflict.yielder], begin + 1.0, speed)
     return Traffic.of(bendplatz, [comes, stands, *others])
 
 

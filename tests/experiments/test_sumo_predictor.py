@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from experiments.models.from_trajectories import prediction_of_motions
+from experiments.models.from_trajectories import prediction_of_trajectories
 from experiments.models.sumo_predictor import StoredPredictions, SumoPredictor, predictions
 from intersection_env import Intersection, Predictor, Scenes, Traffic, Vehicle
 from intersection_env.evaluation.errors import evaluate
@@ -106,7 +106,7 @@ def test_measures_are_those_of_our_own_predictions(found: StoredPredictions) -> 
     """Shapes and types too; they are taken of the IDM's motions, of which ours are known."""
     for one in MOMENTS:
         ours = Predictor.load("idm").predict(one.traffic)
-        measured = prediction_of_motions(one.traffic, ours.position[0], ours.speed[0], ours.present[0])
+        measured = prediction_of_trajectories(one.traffic, ours.position[0], ours.speed[0], ours.present[0])
         np.testing.assert_allclose(measured.time_loss, ours.time_loss, atol=1e-3)
         np.testing.assert_allclose(measured.minimum_distance, ours.minimum_distance, atol=1e-3)
         for name in ("time", "position", "acceleration", "enters", "present", "time_loss", "minimum_distance"):

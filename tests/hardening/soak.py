@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from intersection_env import ClosedLoopWorlds, Intersection, Predictor, ReplayWorlds, Scenes
 from intersection_env.envs.spaces import observation_space
+from intersection_env.maps.intersection import Sample
 
 MAPS, GAPS = ("bendplatz", "t_junction"), ("critical_gap", "gap")
 WORLDS = 2048
@@ -126,7 +127,7 @@ def soak(made: Callable[[int], Soak], steps: int, worlds: int, say: str) -> None
 def closed_loop(name: str, gap: str, worlds: int, threads: int, seed: int = 1) -> Soak:
     """The closed loop on a map; nobody starts faster than its highest limit."""
     intersection = Intersection.load(name)
-    fastest = max(float(route.samples[:, 4].max()) for route in intersection.routes)
+    fastest = max(float(route.samples[:, Sample.V_MAX].max()) for route in intersection.routes)
     return Soak(ClosedLoopWorlds(intersection, worlds=worlds, gap=gap, threads=threads), fastest, seed)
 
 

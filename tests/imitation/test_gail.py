@@ -26,6 +26,7 @@ from imitation.expert import ExpertSteps, expert_steps
 from imitation.gail import PROFILES, GailSettings, main, start_of, train_driver
 from imitation.replay_error import ReplayError, replay_error
 from intersection_env import ClosedLoopWorlds, Predictor, ReplayWorlds, Scenes
+from intersection_env.features import Driving
 from intersection_env.policies.file import PolicyFile
 from intersection_env.scenes.file import read_scenes_file, write_scenes_file
 from intersection_env.scenes.scene import Track
@@ -94,7 +95,7 @@ def test_expert_steps_are_those_of_the_recorded_tracks(scenes: Scenes, expert: E
         track = tracks[index]
         recorded = slice(int(np.argmax(track.observed)), -1)
         own = expert.track == index
-        np.testing.assert_array_equal(expert.observation[own, 1], track.speed[recorded])
+        np.testing.assert_array_equal(expert.observation[own, Driving.SPEED], track.speed[recorded])
         rises = np.diff(track.speed[recorded.start :].astype(np.float64)) / 0.2
         np.testing.assert_allclose(expert.acceleration[own], rises, atol=1e-4)
 
@@ -114,9 +115,9 @@ def test_expert_steps_are_what_one_world_shows_of_each_track(scenes: Scenes, exp
 
 
 def test_expert_sees_the_gap_decisions_of_the_recording(scenes: Scenes, expert: ExpertSteps) -> None:
-    delta = expert.observation[:, 11]
+    delta = expert.observation[:, Driving.ENTERS]
     assert set(np.unique(delta)) == {0.0, 1.0}
-    assert (expert_steps(scenes, "train", "critical_gap").observation[:, 11] != delta).any()
+    assert (expert_steps(scenes, "train", "critical_gap").observation[:, Driving.ENTERS] != delta).any()
 
 
 # The error in the replays
@@ -209,7 +210,7 @@ def test_who_is_held_and_drives_on_has_run_the_line(scenes: Scenes) -> None:
         speed, gain = 3.0, 2.0
 
         def forward(self, features: Tensor) -> Tensor:
-            return self.gain * (self.speed - features[..., 1])
+            return self.gain * (self.speed - features[..., Driving.SPEED])
 
     error = replay_error(Steady(), scenes, "development")
     assert 0.0 < error.line_runs < 0.5
@@ -373,12 +374,14 @@ def test_reward_is_the_discriminators_and_the_worlds_own_counts_nothing(
 
     def spy(self: PolicyUpdate, rollout: TensorDict) -> TensorDict:
         nonlocal rewards
-        torch.testing.assert_close(rollout["next", "reward"].squeeze(-1), 0.5 * rollout["observation"][..., 1])
+        torch.testing.assert_close(
+            rollout["next", "reward"].squeeze(-1), 0.5 * rollout["observation"][..., Driving.SPEED]
+        )
         rewards += 1
         return through(self, rollout)
 
     monkeypatch.setattr(PolicyUpdate, "advantages", spy)
-    monkeypatch.setattr(Discriminator, "reward", lambda self, features: features[..., 1])
+    monkeypatch.setattr(Discriminator, "reward", lambda self, features: features[..., Driving.SPEED])
     train_driver(scenes, None, replace(tiny, epochs=2, reward_scale=0.5), progress=False)
     assert rewards == 2
 

@@ -14,7 +14,7 @@ import shapely
 
 from intersection_env import Intersection, Predictor, Traffic, Vehicle, rank_maneuvers
 from intersection_env.maps.compiler import compile_map, main
-from intersection_env.maps.intersection import MAPS
+from intersection_env.maps.intersection import MAPS, Sample
 from intersection_env.maps.source import MapSource
 from tests.conftest import MAP_NAMES
 from tests.support.damage import damages, thinned, with_checksum
@@ -49,7 +49,7 @@ def test_relative_headings_are_headings_elsewhere_on_the_route(intersection: Int
     for route in intersection.routes:
         for column, offset in enumerate((-10, -3, 3, 10, 30, 100)):
             at = np.clip(np.arange(len(route.samples)) + offset, 0, len(route.samples) - 1)
-            expected = route.samples[at, 2] - route.samples[:, 2]
+            expected = route.samples[at, Sample.HEADING] - route.samples[:, Sample.HEADING]
             inner = slice(10, max(11, len(route.samples) - 101))
             assert np.abs(route.samples[inner, 5 + column] - expected[inner]).max() < 0.02
 
@@ -86,7 +86,7 @@ def test_bendplatz_agrees_with_the_measured_street() -> None:
     assert all(17.0 <= inside[name] <= 22.6 for name in ("NW-SE", "SE-NW", "NE-SW", "SW-NE")), "straight 19.6-22.6 m"
     assert all(16.9 <= inside[name] <= 24.5 for name in ("NW-NE", "SE-SW", "NE-SE", "SW-NW"))
     assert all(9.0 <= inside[name] <= 14.5 for name in ("NW-SW", "SE-NE", "NE-NW", "SW-SE"))
-    main, side = by_id["NW-SE"].samples[:, 4], by_id["NE-SW"].samples[:, 4]
+    main, side = by_id["NW-SE"].samples[:, Sample.V_MAX], by_id["NE-SW"].samples[:, Sample.V_MAX]
     assert main == pytest.approx(50 / 3.6)
     assert side == pytest.approx(30 / 3.6)
 

@@ -11,6 +11,7 @@ import pytest
 from numpy.typing import NDArray
 
 from intersection_env import Intersection, Predictor, Traffic, _core
+from intersection_env.features import Driving
 from intersection_env.policies.file import PolicyFile
 from tests.conftest import MAP_NAMES
 from tests.core.test_core import weights
@@ -93,8 +94,11 @@ def test_twin_driven_by_idm_goes_as_the_twin_predicts(name: str) -> None:
 
 def idm_action(observation: NDArray[Any]) -> NDArray[np.float64]:
     """(vehicle,): what IDM does at an observation (vehicle, 12), never into reverse, as a share of 6 m/s²."""
-    wanted = [reference.drive(features.astype(np.float64), "idm", None, float(features[2])) for features in observation]
-    return np.maximum(wanted, -observation[:, 1] / reference.TIME_STEP) / reference.NETWORK_ACCELERATION
+    wanted = [
+        reference.drive(features.astype(np.float64), "idm", None, float(features[Driving.V_MAX]))
+        for features in observation
+    ]
+    return np.maximum(wanted, -observation[:, Driving.SPEED] / reference.TIME_STEP) / reference.NETWORK_ACCELERATION
 
 
 # Core and twin
