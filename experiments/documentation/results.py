@@ -1,6 +1,8 @@
-"""Fills the marked blocks of the README from the results files: no figure enters a page by hand.
+"""Makes docs/results.md and the figures of the README from the results files: no figure enters a page by hand.
 
 python -m experiments.documentation.results (`make pages` first makes the results anew)
+
+The page's prose stands in `results_page.md` beside this file, with {{name}} where a table goes.
 """
 
 from __future__ import annotations
@@ -12,210 +14,28 @@ from typing import Any
 
 import pandas as pd
 
+from experiments.documentation.tables import (
+    environments_block,
+    errors_table,
+    paper_table,
+    speed_block,
+    training_sentence,
+)
+from experiments.documentation.tables import gap_table as gap_table  # the report takes it from here
 from experiments.report.headlines import headlines
 from experiments.results_files import results_in
+from intersection_env.files import written_whole
 
 ROOT = Path(__file__).parents[2]
 RESULTS = ROOT / "experiments" / "results"
-HORIZONS = (2.0, 4.0, 6.0, 8.0, 10.0)
-MODELS = {
-    "constant_velocity": "constant velocity",
-    "idm": "critical gaps, IDM",
-    "gap": "gap network, IDM",
-    "idm_calibrated": "gap network, calibrated IDM",
-    "ppo": "gap network, PPO",
-    "gail": "gap network, GAIL",
+README, PAGE = ROOT / "README.md", ROOT / "docs" / "results.md"
+TEMPLATE = Path(__file__).with_name("results_page.md")
+FIGURES = {
+    "maneuvers in 200 ms": "crossing orders compared in 200 ms (15 vehicles, one core)",
+    "crossing order right": "pairs that cross in the predicted order",
+    "... to the calibrated IDM's": "distance error after 10 s (RMSE), to the calibrated IDM's",
 }
-
-SPEED_ROWS = (
-    ("1 scenario", "single_us", "networks", None),
-    ("64", "batch_us", "networks", "64"),
-    ("1024", "batch_us", "networks", "1024"),
-    ("1024, {cores} cores", "threads_us", "networks", "1024"),
-    ("1024, with smallest distances", "batch_us", "networks, with distances", "1024"),
-    ("all priorities assigned, 64", "assigned_us", "assigned", "64"),
-    ("all priorities assigned, 1024", "assigned_us", "assigned", "1024"),
-    ("rules and IDM instead of networks, 1", "single_us", "idm", None),
-    ("rules and IDM instead of networks, 1024", "batch_us", "idm", "1024"),
-)
-"""Name (`cores`: the machine's), table, row and number of scenarios."""
-CYCLE_ROWS = {"maneuvers in 200 ms": "networks", "the same, all priorities assigned": "assigned"}
-
-
-def errors_table(errors: pd.DataFrame) -> str:
-    """Markdown of the errors over the horizon, vehicles recorded at the start and at the horizon."""
-    recorded = errors[errors["population"] == "recorded"].set_index(["model", "horizon"]).to_dict("index")
-    heads = [f"{horizon:.0f} s" for horizon in HORIZONS]
-    lines = [f"| RMSE / MAD [m], time loss RMSE [s] | {' | '.join(heads)} |", "|---" * (len(heads) + 1) + "|"]
-    for model, name in MODELS.items():
-        rows = [recorded[model, horizon] for horizon in HORIZONS]
-        cells = [f"{row['rmse']:.1f} / {row['mad']:.1f}, {row['time_loss_rmse']:.1f}" for row in rows]
-        lines.append(f"| {name} | {' | '.join(cells)} |")
-    counts = [f"{recorded[next(iter(MODELS)), horizon]['count']:.0f}" for horizon in HORIZONS]
-    lines.append(f"| samples | {' | '.join(counts)} |")
-    return "\n".join(lines)
-
-
-def speed_table(bench: dict[str, Any]) -> str:
-    """Markdown of microseconds a scenario by kernel, of their ratios to the floor, and of maneuvers a cycle."""
-    lines = ["| µs a scenario: median (best; best to floor) | " + " | ".join(bench["floor_us"]) + " |"]
-    lines.append("|---" * (len(bench["floor_us"]) + 1) + "|")
-    lines.append("| floor; all assigned | " + " | ".join(_floors(bench, isa) for isa in bench["floor_us"]) + " |")
-    for name, table, row, scenarios in SPEED_ROWS:
-        cells = []
-        for isa, floor in bench["assigned_floor_us" if table == "assigned_us" else "floor_us"].items():
-            found = bench[table][isa][row]
-            found = found if scenarios is None else found[scenarios]
-            ratio = "" if row.startswith("idm") else f"; {found['best'] / floor:.2f}"
-            cells.append(f"{found['median']:.1f} ({found['best']:.1f}{ratio})")
-        lines.append(f"| {name.format(cores=bench['cores'])} | {' | '.join(cells)} |")
-    for name, row in CYCLE_ROWS.items():
-        cells = [f"{rows[row]:,}" for rows in bench["maneuvers_per_cycle"].values()]
-        lines.append(f"| {name} | {' | '.join(cells)} |")
-    return "\n".join(lines)
-
-
-def _floors(bench: dict[str, Any], isa: str) -> str:
-    return f"{bench['floor_us'][isa]:.1f}; {bench['assigned_floor_us'][isa]:.1f}"
-
-
-def peers_table(bench: dict[str, Any]) -> str:
-    """Markdown of what others take for the same vehicles, and how many times as long as our batch that is."""
-    isa = list(bench["batch_us"])[-1]
-    ours = bench["batch_us"][isa]["networks"]["1024"]["best"]
-    lines = [f"| beside | µs a scenario: median (best) | best, times ours ({isa}, 1024) | |", "|---|---|---|---|"]
-    for name, row in bench["peers_us"].items():
-        if "missing" in row:
-            lines.append(f"| {name} | {row['missing']} | | |")
-            continue
-        us = row["us"]
-        lines.append(f"| {name} | {us['median']:,.0f} ({us['best']:,.0f}) | {us['best'] / ours:.1f} | {row['doing']} |")
-    return "\n".join(lines)
-
-
-def speed_block(bench: dict[str, Any]) -> str:
-    """Both tables, the latency from Python and what ranking takes."""
-    latency = bench["latency_us"]["networks"]
-    isa = list(bench["floor_us"])[-1]
-    ranked = " and ".join(
-        f"{row['networks']['median']:.1f} ms with {row['orders']:,} orders" for row in bench["ranking_ms"].values()
-    )
-    notes = (
-        f"One scenario, called from Python ({isa}): p50 {latency['p50']:.0f}, p99 {latency['p99']:.0f},"
-        f" p99.9 {latency['p99.9']:.0f} µs over {latency['calls']:,} calls.\n"
-        f"`rank_maneuvers`, smallest distances and table included: {ranked}."
-    )
-    notes += f"\n{flips_sentence(bench['flips'])}"
-    asked = [row["asked"] for row in bench["peers_us"].values() if "asked" in row]
-    if asked:
-        share = f"{100.0 * asked[0]:.0f} %"
-        notes += (
-            f"\nOf the floor's pairs and steps {share} are open to a gap decision in this traffic; the network\n"
-            "is asked where its answer can change something."
-        )
-    theirs = [row["core_share"] for row in bench["peers_us"].values() if "core_share" in row]
-    if theirs:
-        notes += (
-            f"\nThe predictor had {100.0 * bench['core_share']:.0f} % of a core to itself while it was timed,"
-            f" its peers {100.0 * min(theirs):.0f} to {100.0 * max(theirs):.0f} %."
-        )
-    return "\n\n".join((speed_table(bench), peers_table(bench), notes))
-
-
-def flips_sentence(flips: dict[str, Any]) -> str:
-    """How often instruction sets decide differently about the same gap."""
-    rows = []
-    for name, row in flips.items():
-        one, best = name.split("-")
-        if row["scenarios"] == row["position_m"] == 0.0:
-            rows.append(f"{one} and {best} never differ")
-            continue
-        shares = (
-            f"{100.0 * row['decisions']:.3f} % of the decisions, in {100.0 * row['scenarios']:.2f} % of the traffics"
-        )
-        replayed = f"with decisions replayed, positions differ by at most {1e3 * row['position_m']:.2f} mm"
-        rows.append(f"{one} and {best} in {shares}\n({replayed})")
-    count = max(row["traffics"] for row in flips.values())
-    return (
-        f"How often instruction sets decide differently (policy `gap`, {count:,} random traffics of 15 vehicles,"
-        " 50 steps):\n" + ";\n".join(rows) + "."
-    )
-
-
-def worlds_table(environments: dict[str, Any]) -> str:
-    """Markdown of the batched worlds' agent-steps a second, by kernel, and of how often worlds ended meanwhile."""
-    columns = list(environments["worlds"][0]["rates"])
-    lines = [f"| million agent-steps/s | {' | '.join(columns)} | worlds that end with a step |"]
-    lines.append("|---" * (len(columns) + 2) + "|")
-    for row in environments["worlds"]:
-        cells = " | ".join(f"{row['rates'][column]['median'] / 1e6:.1f}" for column in columns)
-        lines.append(f"| {row['name']} | {cells} | {100.0 * row['ends_per_world_step']:.1f} % |")
-    return "\n".join(lines)
-
-
-def doors_table(environments: dict[str, Any]) -> str:
-    """Markdown of the doors' agent-steps a second, and of the peers', which may be missing."""
-    lines = ["| one process, one core | thousand agent-steps/s | |", "|---|---|---|"]
-    for row in environments["doors"]:
-        lines.append(f"| {row['name']} | {_thousands(row['rate']['median'])} | |")
-    for row in environments["peers"]:
-        figure = row.get("missing") or _thousands(row["rate"]["median"])
-        lines.append(f"| {row['name']} | {figure} | {row.get('doing', '')} |")
-    return "\n".join(lines)
-
-
-def _thousands(rate: float) -> str:
-    return f"{rate / 1e3:.0f}" if rate >= 1e4 else f"{rate / 1e3:.2f}"
-
-
-def environments_block(environments: dict[str, Any]) -> str:
-    """Both tables, what a frame takes, and how steady the machine was."""
-    machine, frame = environments["reference_gflops"], environments["frame_ms"]["median"]
-    rates = ", ".join(f"{found['median']:.0f}" for found in machine)
-    shares = ", ".join(f"{100.0 * found['core_share']:.0f}" for found in machine)
-    notes = (
-        f"A frame of 600 x 600 pixels takes {frame:.1f} ms to render. For comparing machines: before the first table,\n"
-        f"before the peers and after them a product of 256 x 256 float32 matrices in one thread ran at {rates}\n"
-        f"GFLOP/s, with {shares} % of a core to itself; the rest went to others, which slows everything else alike."
-    )
-    return "\n\n".join((worlds_table(environments), doors_table(environments), notes))
-
-
-def training_sentence(training: dict[str, float]) -> str:
-    """Where an epoch's time goes."""
-    parts = {name: training[name] for name in ("collection", "advantages", "one_pass")}
-    shares = [f"{name.replace('_', ' ')} {100.0 * taken / sum(parts.values()):.0f} %" for name, taken in parts.items()]
-    return (
-        f"PPO on one core: {training['million_steps_per_second']:.2f} million agent-steps/s with one pass of updates,"
-        " best of five rounds"
-        f" ({', '.join(shares)})."
-    )
-
-
-def gap_table(results: dict[str, Any]) -> str:
-    """Markdown of how often gaps are decided rightly, and by how much the network leads, per foe definition."""
-    heads = [f"{name} {foes}" for foes in results["foes"] for name in ("accuracy,", "network minus it,")]
-    lines = [f"| | {' | '.join(heads)} |", "|---" * (len(heads) + 1) + "|"]
-    for model in results["foes"]["recorded"]["models"]:
-        cells = []
-        for part in results["foes"].values():
-            found = part["models"][model]
-            lead = found.get("network_minus")
-            cells += [_percent(found["accuracy"]), _percent(lead["accuracy"]) if lead else ""]
-        lines.append(f"| {model} | {' | '.join(cells)} |")
-    return "\n".join(lines)
-
-
-def _percent(interval: dict[str, float]) -> str:
-    value, low, high = (100.0 * interval[key] for key in ("value", "low", "high"))
-    return f"{value:.1f} [{low:.1f}, {high:.1f}]"
-
-
-def paper_table(results: dict[str, Any]) -> str:
-    """Markdown of the paper's figures with ours beside them."""
-    lines = ["| figure | paper, on inD | ours, with 95 % interval | our bar |", "|---|---|---|---|"]
-    lines += [f"| {' | '.join(row.cells()[:-1])} |" for row in headlines(results)]
-    return "\n".join(lines)
+"""The README's, of the headlines, and what they are called there."""
 
 
 def filled(page: str, blocks: dict[str, str]) -> str:
@@ -232,23 +52,61 @@ def filled(page: str, blocks: dict[str, str]) -> str:
     return page
 
 
-def readme() -> str:
-    """The README as the results files make it."""
-    errors = pd.read_csv(RESULTS / "errors.csv")
+def figures_block(results: dict[str, Any]) -> str:
+    """The README's figures, and how many of our bars are met."""
+    rows = list(headlines(results))
+    named = {row.what: row for row in reversed(rows)}  # of two of a name the first: RMSE before MAD
+    lines = ["| figure | paper, on inD | ours, simulated, 95 % interval | our bar | command |", "|---" * 5 + "|"]
+    for what, name in FIGURES.items():
+        _, *cells = named[what].cells()
+        lines.append(f"| {name} | {' | '.join(cells)} |")
+    judged = [row.met for row in rows if row.met is not None]
+    return "\n".join(lines) + f"\n\nOf {len(judged)} bars that we set ourselves {sum(judged)} are met ([all](docs/results.md))."
+
+
+def page() -> str:
+    """The page of results as the results files make it.
+
+    Raises:
+        ValueError: the template names another table than those there are.
+    """
     bench = json.loads((RESULTS / "bench.json").read_text(encoding="utf-8"))
     results = results_in(RESULTS)
-    blocks = {"errors": errors_table(errors), "paper": paper_table(results), "speed": speed_block(bench)}
-    blocks["gap"] = gap_table(results["gap_validation"])
-    blocks["environments"] = environments_block(bench["environments"])
+    tables = {
+        "paper": paper_table(results),
+        "errors": errors_table(pd.read_csv(RESULTS / "errors.csv")),
+        "gap": gap_table(results["gap_validation"]),
+        "speed": speed_block(bench),
+        "environments": environments_block(bench["environments"]),
+    }
     if "training" in bench:
-        blocks["environments"] += f"\n\n{training_sentence(bench['training'])}"
-    return filled((ROOT / "README.md").read_text(encoding="utf-8"), blocks)
+        tables["environments"] += f"\n\n{training_sentence(bench['training'])}"
+    return with_tables(TEMPLATE.read_text(encoding="utf-8"), tables)
+
+
+def with_tables(template: str, tables: dict[str, str]) -> str:
+    """The template with each {{name}} replaced by the table of that name.
+
+    Raises:
+        ValueError: a table has no place, more than one, or a place no table.
+    """
+    places = re.findall(r"\{\{(\w+)\}\}", template)
+    if sorted(places) != sorted(tables):
+        raise ValueError(f"the template has places for {', '.join(sorted(places))}; the tables are {sorted(tables)}")
+    return re.sub(r"\{\{(\w+)\}\}", lambda place: tables[place[1]], template)
+
+
+def readme() -> str:
+    """The README as the results files make it."""
+    return filled(README.read_text(encoding="utf-8"), {"figures": figures_block(results_in(RESULTS))})
 
 
 def main() -> None:
-    """Rewrites the README's blocks."""
-    (ROOT / "README.md").write_text(readme(), encoding="utf-8")
-    print("README.md is as the results say")
+    """Writes the page, and the README's figures."""
+    for path, text in ((PAGE, page()), (README, readme())):
+        with written_whole(path) as temporary:
+            temporary.write_text(text, encoding="utf-8")
+        print(f"written: {path.relative_to(ROOT)}")
 
 
 if __name__ == "__main__":

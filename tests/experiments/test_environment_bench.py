@@ -13,7 +13,7 @@ from experiments.bench import doors as door_bench
 from experiments.bench import drivers as idm_driver
 from experiments.bench import environment_peers as peers
 from experiments.bench import environments as environment_bench
-from experiments.documentation.results import environments_block
+from experiments.documentation.tables import environments_block
 from intersection_env import ClosedLoopWorlds, ReplayWorlds
 from intersection_env.features import Driving
 

@@ -13,7 +13,7 @@ import torch
 from experiments.bench import bench, predictor_peers
 from experiments.bench import predictor as predictor_bench
 from experiments.bench.timed_traffic import COUNTED, arithmetic, both_networks, traffic, traffic_with_orders
-from experiments.documentation.results import speed_block
+from experiments.documentation.tables import speed_block
 from imitation.torch_model import TorchPredictor
 from intersection_env import Predictor, _core
 
