@@ -1,6 +1,8 @@
 """Makes docs/environments.md from the environments' docstrings, and its pictures from the environments themselves.
 
 python -m experiments.documentation.environments (part of `make pages`)
+
+Both environments' docstrings tell of the reward, as each is a manual of its own; the page does so once.
 """
 
 from __future__ import annotations
@@ -34,8 +36,17 @@ Made from the docstrings by `make pages`; `help(intersection_env.ClosedLoop)` sa
 | who acts | every vehicle | one vehicle of a recording |
 | interface | PettingZoo: `parallel_env()`, `env()` | Gymnasium: `make`, `make_vec` |
 | id | `intersection_env/ClosedLoop-v0` | `intersection_env/Replay-v0` |
-| in batches | `ClosedLoopWorlds` | `ReplayVector`, `ReplayWorlds` |
+| in batches | [ClosedLoopWorlds](#closedloopworlds) | [ReplayVector](#replayvector), [ReplayWorlds](#replayworlds) |
+| in TorchRL, from a checkout | `agents.rollouts.envs.ClosedLoopEnv` | `agents.rollouts.envs.ReplayEnv` |
+
+Both pay [the same reward](#the-reward). What a network sees, who leads, who accepts a gap and what a step does are the
+same functions of the core in the predictor, in the closed loop and in the replay. From a checkout, `agents/rollouts/`
+runs whole rollouts with policy and value network inside the core.
 """
+REWARD = re.compile(
+    r"(?<=^### Reward\n\n)The paper's Table II;.*?if both braked with 4 m/s²\.", re.DOTALL | re.MULTILINE
+)
+SAME_REWARD = "[The same](#the-reward) in both environments."
 BATCH = """```python
 from intersection_env import ClosedLoopWorlds
 
@@ -50,13 +61,31 @@ for _ in range(100):
 
 def page() -> str:
     """The page's text."""
+    manuals = {
+        kind: re.sub("^##", "###", _text(kind), flags=re.MULTILINE) for kind in (ClosedLoop, Replay, ReplayVector)
+    }
+    reward = _reward(manuals[ClosedLoop], manuals[Replay])
     parts = [HEAD]
-    for kind in (ClosedLoop, Replay, ReplayVector):
-        parts.append(f"## {kind.__name__}\n\n{re.sub('^##', '###', _text(kind), flags=re.MULTILINE)}\n")
+    for kind, manual in manuals.items():
+        parts.append(f"## {kind.__name__}\n\n{manual.replace(reward, SAME_REWARD)}\n")
+    parts.append(f"## The reward\n\n{reward}\n")
     parts.append(f"## Batched worlds\n\n{_text(worlds)}\n\n{BATCH}\n")
     for batched in (ClosedLoopWorlds, ReplayWorlds):
         parts.append(f"### {batched.__name__}\n\n{_attributes(_text(batched))}\n")
     return "\n".join(parts)
+
+
+def _reward(*manuals: str) -> str:
+    """What the manuals say of the reward.
+
+    Raises:
+        ValueError: they do not say the same.
+    """
+    found = {match[0] if (match := REWARD.search(manual)) else None for manual in manuals}
+    (reward, *others) = found
+    if reward is None or others:
+        raise ValueError("the environments' docstrings must say the same of the reward, under the heading Reward")
+    return reward
 
 
 def draw() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from types import CodeType
 from typing import Any
 
 import numpy as np
@@ -11,11 +12,15 @@ from PIL import Image
 
 from experiments.documentation.environments import PAGE, PICTURES, closed_loop_picture, page, replay_picture
 from experiments.documentation.features import figure
-from intersection_env import ClosedLoop, Replay, _core
+from intersection_env import ClosedLoop, ClosedLoopWorlds, Replay, _core
 from tests.envs.test_closed_loop_env import GAPS
 
 TABLE = re.compile(r"^ *\| (\d+) \| .* \| (.*?) \| (.*?) \|$", flags=re.MULTILINE)
 BOUNDS = {"π": np.pi, "-π": -np.pi}
+
+
+REWARD_ROW = re.compile(r"^\| (.*) \| (-?\d.*) \|$", flags=re.MULTILINE)
+STEPS = 30
 
 
 def bound(text: str) -> float:
@@ -67,6 +72,72 @@ def test_both_manuals_tell_the_same_of_the_reward() -> None:
     assert tables[0] is not None
     assert tables[1] is not None
     assert tables[0][0] == tables[1][0]
+
+
+def test_reward_stands_once_on_the_page() -> None:
+    assert page().count("| base | 2 |") == 1
+    assert len(re.findall(r"^### Reward\n\n\[The same\]\(#the-reward\)", page(), flags=re.MULTILINE)) == 2
+
+
+def test_manuals_that_differ_about_the_reward_make_no_page(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(Replay, "__doc__", str(Replay.__doc__).replace("| base | 2 |", "| base | 3 |"))
+    with pytest.raises(ValueError, match="must say the same of the reward"):
+        page()
+
+
+def test_reward_of_the_table_is_what_the_core_pays() -> None:
+    """Row by row as the page says it, over worlds with random actions in which every row occurs."""
+    rows = reward_rows(page())
+    assert len(rows) == 10
+    worlds = ClosedLoopWorlds(worlds=32)
+    worlds.reset(seed=5, desynchronise=True)
+    random = np.random.default_rng(5)
+    met = np.zeros(len(rows), np.int64)
+    for _ in range(STEPS):
+        worlds.action[:] = random.uniform(-1.0, 1.0, worlds.action.shape).astype(np.float32)
+        worlds.step()
+        cut = worlds.terminated | worlds.truncated | worlds.reinserted
+        seen = np.where(cut[..., None], worlds.final_observation, worlds.observation)
+        for k in np.ndindex(worlds.action.shape):
+            names = quantities(seen[k], 6.0 * float(worlds.action[k]), bool(worlds.terminated[k]))
+            terms = [eval(value, names) if eval(condition, names) else 0.0 for condition, value in rows]
+            assert float(worlds.reward[k]) == pytest.approx(sum(terms), rel=1e-4, abs=1e-3)
+            met += np.array(terms) != 0.0
+    assert met.min() > 0
+
+
+def reward_rows(text: str) -> list[tuple[CodeType, CodeType]]:
+    """When each row of the table counts, and what it then is, as Python over the names in `quantities`."""
+    table = text.split("## The reward\n")[1].split("v_min = ")[0]
+    rows = []
+    for left, value in REWARD_ROW.findall(table):
+        term, _, condition = left.partition(", ")
+        always = "is_to_blame" if term == "to blame for a collision" else "True"
+        rows.append((as_python(condition or always), as_python(value)))
+    return rows
+
+
+def as_python(formula: str) -> CodeType:
+    formula = formula.replace("\\|", "|").replace(" m/s²", "").replace("²", "**2").replace(" = ", " == ")
+    formula = re.sub(r"\|(\w+)\|", r"abs(\1)", formula)
+    return compile(re.sub(r"(\d) (?=[a-z(])(?!and)", r"\1 * ", formula), formula, "eval")
+
+
+def quantities(seen: Any, acceleration: float, is_to_blame: bool) -> dict[str, Any]:
+    """What the table names, of one vehicle; seen: (12,). Who backs does not brake; d counts from 0 on."""
+    d_stop, v, v_max, d_lead, delta = (float(seen[k]) for k in (0, 1, 2, 9, 11))
+    d = d_lead if delta else min(d_lead, d_stop)
+    return {
+        "a": acceleration,
+        "v": v,
+        "v_max": v_max,
+        "v_min": min(v_max, np.sqrt(2.0 * max(0.0, d))),
+        "d_stop": d_stop,
+        "d_lead": d_lead,
+        "s_brake": max(0.0, v) ** 2 / (2.0 * 4.0),
+        "delta": delta,
+        "is_to_blame": is_to_blame,
+    }
 
 
 def test_gap_rules_of_the_manual_are_those_of_the_tests() -> None:
