@@ -66,7 +66,7 @@ statistics: $(VENV)/.package
 	$(RUN) -m data.build $(RECORDINGS) --map bendplatz --out out/scenes.npz
 	$(RUN) -m data.describe.statistics out/scenes.npz
 
-# Makes the README's figures anew: the results files, the picture, then the marked blocks.
+# Measures anew, and makes the pages of docs/ that are generated: results files and pictures first, then the pages.
 pages: demo reproduce bench
 	cp out/demo/errors.csv experiments/results/errors.csv
 	cp out/demo/positions.png docs/pictures/positions.png

@@ -61,7 +61,10 @@ def figures_block(results: dict[str, Any]) -> str:
         _, *cells = named[what].cells()
         lines.append(f"| {name} | {' | '.join(cells)} |")
     judged = [row.met for row in rows if row.met is not None]
-    return "\n".join(lines) + f"\n\nOf {len(judged)} bars that we set ourselves {sum(judged)} are met ([all](docs/results.md))."
+    return (
+        "\n".join(lines)
+        + f"\n\nOf {len(judged)} bars that we set ourselves {sum(judged)} are met ([all](docs/results.md))."
+    )
 
 
 def page() -> str:

@@ -178,8 +178,8 @@ def training_sentence(training: dict[str, float]) -> str:
     shares = [f"{name.replace('_', ' ')} {100.0 * taken / sum(parts.values()):.0f} %" for name, taken in parts.items()]
     return (
         f"PPO on one core: {training['million_steps_per_second']:.2f} million agent-steps/s with one pass of updates,"
-        " best of five rounds"
-        f" ({', '.join(shares)})."
+        " best of five rounds\n"
+        f"({', '.join(shares)})."
     )
 
 
