@@ -1,6 +1,6 @@
 """The predictor once more as plain torch operations, vectorised over scenarios, vehicles and pairs: a peer to time.
 
-It does what `docs/design.md` says under "The model", with both networks; `tests/test_predictor_bench.py` holds it to
+It does what `docs/model.md` says under "The model", with both networks; `tests/test_predictor_bench.py` holds it to
 the core.
 """
 

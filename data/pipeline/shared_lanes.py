@@ -1,6 +1,6 @@
 """Who is ahead of whom, along the lanes that two tracks share.
 
-As "Lead" of docs/design.md, but towards a shared exit both fronts must be past the merge, where the core
+As "Lead" of docs/model.md, but towards a shared exit both fronts must be past the merge, where the core
 asks that of the leader's alone. The core asks whom to follow, also from afar; here it is asked whether
 bodies overlap or pass, and arc lengths tell that only where both are in the lane: before the merge two
 vehicles may be as far along side by side, each on its own approach. What touches there is found by

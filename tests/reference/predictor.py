@@ -1,4 +1,4 @@
-"""Reference twin of the predictor: slow, obvious, float64, written from docs/design.md alone.
+"""Reference twin of the predictor: slow, obvious, float64, written from docs/model.md alone.
 
 The one permitted copy of what the core knows, and its judge; nothing here comes from the package. Arrays follow the
 axis order (time, vehicle, feature); metres, seconds, radians.

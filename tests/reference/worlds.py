@@ -1,4 +1,4 @@
-"""Reference twin of the worlds: the closed loop and the replay, from "The worlds" in docs/design.md alone.
+"""Reference twin of the worlds: the closed loop and the replay, from "The worlds" in docs/model.md alone.
 
 Slow, obvious, float64, like `tests.reference.predictor`, whose functions say what is seen, who leads and who enters.
 One world at a time; arrays follow the axis order (time, vehicle, feature).
