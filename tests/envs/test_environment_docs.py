@@ -13,6 +13,7 @@ from PIL import Image
 from experiments.documentation.environments import PAGE, PICTURES, closed_loop_picture, page, replay_picture
 from experiments.documentation.features import figure
 from intersection_env import ClosedLoop, ClosedLoopWorlds, Replay, _core
+from intersection_env.features import Driving
 from tests.envs.test_closed_loop_env import GAPS
 
 TABLE = re.compile(r"^ *\| (\d+) \| .* \| (.*?) \| (.*?) \|$", flags=re.MULTILINE)
@@ -125,7 +126,16 @@ def as_python(formula: str) -> CodeType:
 
 def quantities(seen: Any, acceleration: float, is_to_blame: bool) -> dict[str, Any]:
     """What the table names, of one vehicle; seen: (12,). Who backs does not brake; d counts from 0 on."""
-    d_stop, v, v_max, d_lead, delta = (float(seen[k]) for k in (0, 1, 2, 9, 11))
+    d_stop, v, v_max, d_lead, delta = (
+        float(seen[column])
+        for column in (
+            Driving.DISTANCE_TO_STOP_LINE,
+            Driving.SPEED,
+            Driving.V_MAX,
+            Driving.LEAD_DISTANCE,
+            Driving.ENTERS,
+        )
+    )
     d = d_lead if delta else min(d_lead, d_stop)
     return {
         "a": acceleration,
