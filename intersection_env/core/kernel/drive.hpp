@@ -1,9 +1,9 @@
 // The acceleration: Intelligent Driver Model, driving network, or none; and what it does to the state.
 #pragma once
 
-#include "kernel/block.hpp"
 #include "kernel/network.hpp"
 #include "kernel/observe.hpp"
+#include "kernel/vehicle.hpp"
 
 namespace intersection_env::INTERSECTION_ENV_ISA {
 

@@ -1,7 +1,7 @@
 // What one instruction set's kernel offers; kernel.cpp puts it into the table that dispatch.hpp describes.
 #pragma once
 
-#include "dispatch.hpp"
+#include "kernel/dispatch.hpp"
 
 namespace intersection_env::INTERSECTION_ENV_ISA {
 

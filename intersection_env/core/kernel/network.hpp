@@ -1,8 +1,8 @@
 // The networks, evaluated for all lanes at once.
 #pragma once
 
+#include "intersection_env/policy.hpp"
 #include "kernel/lanes.hpp"
-#include "policy.hpp"
 
 namespace intersection_env::INTERSECTION_ENV_ISA {
 

@@ -2,8 +2,8 @@
 #pragma once
 
 #include "kernel/network.hpp"
-#include "kernel/table.hpp"
-#include "worlds.hpp"
+#include "kernel/rows.hpp"
+#include "tables/worlds.hpp"
 
 namespace intersection_env::INTERSECTION_ENV_ISA {
 

@@ -1,9 +1,9 @@
 // The smallest distance between any two vehicles that can touch.
 #pragma once
 
-#include "circles.hpp"
-#include "kernel/block.hpp"
-#include "kernel/table.hpp"
+#include "kernel/rows.hpp"
+#include "kernel/vehicle.hpp"
+#include "model/circles.hpp"
 
 namespace intersection_env::INTERSECTION_ENV_ISA {
 

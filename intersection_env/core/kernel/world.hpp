@@ -1,11 +1,11 @@
 // A block of closed-loop worlds: each lane is a world, each vehicle in it has a route of its own.
 #pragma once
 
-#include "contact.hpp"
 #include "kernel/decide.hpp"
 #include "kernel/random.hpp"
 #include "kernel/reward.hpp"
-#include "worlds.hpp"
+#include "model/contact.hpp"
+#include "tables/worlds.hpp"
 
 namespace intersection_env::INTERSECTION_ENV_ISA {
 
