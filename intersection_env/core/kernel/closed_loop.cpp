@@ -1,9 +1,9 @@
 // Starts, steps and rolls out a block of closed-loop worlds.
-#include "kernel/drive.hpp"
 #include "kernel/kernel.hpp"
-#include "kernel/results.hpp"
-#include "kernel/start.hpp"
-#include "kernel/world.hpp"
+#include "kernel/step/drive.hpp"
+#include "kernel/worlds/results.hpp"
+#include "kernel/worlds/start.hpp"
+#include "kernel/worlds/world.hpp"
 
 namespace intersection_env::INTERSECTION_ENV_ISA {
 namespace {

@@ -1,7 +1,7 @@
 // The table of this instruction set's functions.
 #include "kernel/kernel.hpp"
 
-#include "kernel/network.hpp"
+#include "kernel/lanes/network.hpp"
 
 namespace intersection_env::INTERSECTION_ENV_ISA {
 namespace {

@@ -1,10 +1,10 @@
 // One scenario over the whole horizon: lanes are vehicles, and pairs of vehicles, instead of scenarios.
-#include "kernel/decide.hpp"
-#include "kernel/drive.hpp"
 #include "kernel/kernel.hpp"
-#include "kernel/observe.hpp"
-#include "kernel/pick.hpp"
-#include "kernel/safety.hpp"
+#include "kernel/lanes/pick.hpp"
+#include "kernel/step/decide.hpp"
+#include "kernel/step/drive.hpp"
+#include "kernel/step/observe.hpp"
+#include "kernel/step/safety.hpp"
 
 namespace intersection_env::INTERSECTION_ENV_ISA {
 namespace {

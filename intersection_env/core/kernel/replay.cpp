@@ -1,9 +1,9 @@
 // Starts, steps and rolls out replay worlds: in each lane one vehicle of a recorded scene acts, all others are
 // recorded.
-#include "kernel/drive.hpp"
 #include "kernel/kernel.hpp"
-#include "kernel/results.hpp"
-#include "kernel/world.hpp"
+#include "kernel/step/drive.hpp"
+#include "kernel/worlds/results.hpp"
+#include "kernel/worlds/world.hpp"
 
 namespace intersection_env::INTERSECTION_ENV_ISA {
 namespace {

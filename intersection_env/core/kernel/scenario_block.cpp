@@ -1,11 +1,11 @@
 // One block of scenarios over the whole horizon. Compiled once per instruction set; nothing in this folder may call
 // an inline function of the standard library, whose one copy could come from the wrong instruction set.
-#include "kernel/decide.hpp"
-#include "kernel/drive.hpp"
 #include "kernel/kernel.hpp"
-#include "kernel/observe.hpp"
-#include "kernel/safety.hpp"
-#include "kernel/vehicle.hpp"
+#include "kernel/step/decide.hpp"
+#include "kernel/step/drive.hpp"
+#include "kernel/step/observe.hpp"
+#include "kernel/step/safety.hpp"
+#include "kernel/step/vehicle.hpp"
 
 namespace intersection_env::INTERSECTION_ENV_ISA {
 namespace {

@@ -1,6 +1,6 @@
 // What this machine can do at best with the kernel's lanes: the yardstick of the benchmarks.
 #include "kernel/kernel.hpp"
-#include "kernel/lanes.hpp"
+#include "kernel/lanes/lanes.hpp"
 
 namespace intersection_env::INTERSECTION_ENV_ISA {
 

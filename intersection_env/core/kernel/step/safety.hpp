@@ -1,8 +1,8 @@
 // The smallest distance between any two vehicles that can touch.
 #pragma once
 
-#include "kernel/rows.hpp"
-#include "kernel/vehicle.hpp"
+#include "kernel/lanes/rows.hpp"
+#include "kernel/step/vehicle.hpp"
 #include "model/circles.hpp"
 
 namespace intersection_env::INTERSECTION_ENV_ISA {

@@ -1,7 +1,7 @@
 // What a vehicle is paid for one step; paper, Table II.
 #pragma once
 
-#include "kernel/observe.hpp"
+#include "kernel/step/observe.hpp"
 
 namespace intersection_env::INTERSECTION_ENV_ISA {
 

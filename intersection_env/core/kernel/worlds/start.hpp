@@ -1,7 +1,7 @@
 // New starts: random traffic that violates no constraint, found by trials, a row of lanes at a time.
 #pragma once
 
-#include "kernel/world.hpp"
+#include "kernel/worlds/world.hpp"
 
 namespace intersection_env::INTERSECTION_ENV_ISA {
 

@@ -1,9 +1,9 @@
 // A block of closed-loop worlds: each lane is a world, each vehicle in it has a route of its own.
 #pragma once
 
-#include "kernel/decide.hpp"
-#include "kernel/random.hpp"
-#include "kernel/reward.hpp"
+#include "kernel/lanes/random.hpp"
+#include "kernel/step/decide.hpp"
+#include "kernel/step/reward.hpp"
 #include "model/contact.hpp"
 #include "tables/worlds.hpp"
 

@@ -1,8 +1,8 @@
 // What each vehicle sees: its stop line, its road, its lead vehicle.
 #pragma once
 
-#include "kernel/rows.hpp"
-#include "kernel/vehicle.hpp"
+#include "kernel/lanes/rows.hpp"
+#include "kernel/step/vehicle.hpp"
 
 namespace intersection_env::INTERSECTION_ENV_ISA {
 

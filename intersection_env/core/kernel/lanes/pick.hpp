@@ -1,7 +1,7 @@
 // Takes any lane of a few rows of lanes: result[l] = values[index[l]], the rows counted on.
 #pragma once
 
-#include "kernel/lanes.hpp"
+#include "kernel/lanes/lanes.hpp"
 
 namespace intersection_env::INTERSECTION_ENV_ISA {
 

@@ -1,9 +1,9 @@
 // The acceleration: Intelligent Driver Model, driving network, or none; and what it does to the state.
 #pragma once
 
-#include "kernel/network.hpp"
-#include "kernel/observe.hpp"
-#include "kernel/vehicle.hpp"
+#include "kernel/lanes/network.hpp"
+#include "kernel/step/observe.hpp"
+#include "kernel/step/vehicle.hpp"
 
 namespace intersection_env::INTERSECTION_ENV_ISA {
 

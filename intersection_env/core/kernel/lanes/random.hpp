@@ -1,7 +1,7 @@
 // Random numbers, one stream a lane: xoshiro128++ (Blackman, Vigna).
 #pragma once
 
-#include "kernel/lanes.hpp"
+#include "kernel/lanes/lanes.hpp"
 
 namespace intersection_env::INTERSECTION_ENV_ISA {
 

@@ -2,7 +2,7 @@
 // floats).
 #pragma once
 
-#include "kernel/lanes.hpp"
+#include "kernel/lanes/lanes.hpp"
 
 namespace intersection_env::INTERSECTION_ENV_ISA {
 

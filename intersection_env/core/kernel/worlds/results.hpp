@@ -1,8 +1,8 @@
 // Writes what happened in the lanes to arrays in which worlds come first.
 #pragma once
 
-#include "kernel/network.hpp"
-#include "kernel/rows.hpp"
+#include "kernel/lanes/network.hpp"
+#include "kernel/lanes/rows.hpp"
 #include "tables/worlds.hpp"
 
 namespace intersection_env::INTERSECTION_ENV_ISA {

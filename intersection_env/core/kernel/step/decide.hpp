@@ -1,9 +1,9 @@
 // Who enters: the gap decision of a pair, and the decision of a vehicle that follows from all its pairs.
 #pragma once
 
-#include "kernel/network.hpp"
-#include "kernel/observe.hpp"
-#include "kernel/vehicle.hpp"
+#include "kernel/lanes/network.hpp"
+#include "kernel/step/observe.hpp"
+#include "kernel/step/vehicle.hpp"
 
 namespace intersection_env::INTERSECTION_ENV_ISA {
 

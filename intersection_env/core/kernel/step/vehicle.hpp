@@ -1,7 +1,7 @@
 // What one vehicle is and sees at one moment, in every lane.
 #pragma once
 
-#include "kernel/lanes.hpp"
+#include "kernel/lanes/lanes.hpp"
 #include "tables/problem.hpp"
 
 namespace intersection_env::INTERSECTION_ENV_ISA {

@@ -2,7 +2,7 @@
 #pragma once
 
 #include "intersection_env/policy.hpp"
-#include "kernel/lanes.hpp"
+#include "kernel/lanes/lanes.hpp"
 
 namespace intersection_env::INTERSECTION_ENV_ISA {
 
