@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "tables/problem.hpp"
-#include "tables/worlds.hpp"
+#include "tables/world_arguments.hpp"
 
 namespace intersection_env {
 

@@ -7,8 +7,9 @@
 #include <vector>
 
 #include "kernel/dispatch.hpp"
-#include "tables/worlds.hpp"
+#include "tables/map_tables.hpp"
 #include "threads.hpp"
+#include "worlds/autoreset.hpp"
 
 namespace intersection_env {
 

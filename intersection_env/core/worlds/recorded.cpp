@@ -7,6 +7,7 @@
 
 #include "intersection_env/traffic.hpp"
 #include "model/contact.hpp"
+#include "tables/problem.hpp"
 
 namespace intersection_env {
 namespace {

@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "intersection_env/map.hpp"
-#include "tables/worlds.hpp"
+#include "tables/recorded_rows.hpp"
 
 namespace intersection_env {
 

@@ -8,8 +8,9 @@
 
 #include "kernel/dispatch.hpp"
 #include "tables/lane_vector.hpp"
-#include "tables/worlds.hpp"
+#include "tables/map_tables.hpp"
 #include "threads.hpp"
+#include "worlds/autoreset.hpp"
 #include "worlds/recorded.hpp"
 
 namespace intersection_env {

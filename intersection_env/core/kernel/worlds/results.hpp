@@ -3,7 +3,7 @@
 
 #include "kernel/lanes/network.hpp"
 #include "kernel/lanes/rows.hpp"
-#include "tables/worlds.hpp"
+#include "tables/world_arguments.hpp"
 
 namespace intersection_env::INTERSECTION_ENV_ISA {
 

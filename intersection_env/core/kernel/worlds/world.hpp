@@ -5,7 +5,7 @@
 #include "kernel/step/decide.hpp"
 #include "kernel/step/reward.hpp"
 #include "model/contact.hpp"
-#include "tables/worlds.hpp"
+#include "tables/map_tables.hpp"
 
 namespace intersection_env::INTERSECTION_ENV_ISA {
 

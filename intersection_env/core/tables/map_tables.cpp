@@ -1,8 +1,10 @@
-#include "tables/worlds.hpp"
+#include "tables/map_tables.hpp"
 
 #include <algorithm>
 #include <stdexcept>
 #include <string>
+
+#include "tables/problem.hpp"
 
 namespace intersection_env {
 namespace {
@@ -84,19 +86,6 @@ Tables MapTables::tables() const {
     return {map_.get(),          rows_.observed.data(), points_.data(),
             routes_.data(),      pairs_.data(),         static_cast<int>(map_->routes.size()),
             1.0F / map_->spacing};
-}
-
-Autoreset autoreset_named(std::string_view name) {
-    if (name == "off") {
-        return Autoreset::off;
-    }
-    if (name == "same_step") {
-        return Autoreset::same_step;
-    }
-    if (name == "next_step") {
-        return Autoreset::next_step;
-    }
-    throw std::invalid_argument("autoreset is \"" + std::string(name) + "\"; wanted off, same_step or next_step");
 }
 
 } // namespace intersection_env
