@@ -20,9 +20,10 @@ struct Cut {
     Floats value;
 };
 
-template <class Lanes, class Value>
-Lanes& lanes_at(Value* values, const ClosedLoopArguments& g, long row) {
-    return *reinterpret_cast<Lanes*>(values + row * BLOCK + g.first_lane);
+// The row-th row of lanes of a block's field.
+template <class Number>
+LanesOf<Number>& row_at(Number* field, const ClosedLoopArguments& g, long row) {
+    return lanes_at(field + row * WORLDS_PER_BLOCK + g.first_lane);
 }
 
 unsigned used(const ClosedLoopArguments& g) { return used_lanes(g.worlds - g.first_lane); }
@@ -30,21 +31,14 @@ unsigned used(const ClosedLoopArguments& g) { return used_lanes(g.worlds - g.fir
 void load(const ClosedLoopArguments& g, World& world) {
     for (int i = 0; i < g.vehicles; ++i) {
         Slot& slot = world.slots[i];
-        slot.position = lanes_at<Floats>(g.position, g, i);
-        slot.speed = lanes_at<Floats>(g.speed, g, i);
-        slot.half_length = lanes_at<Floats>(g.half_length, g, i);
-        slot.half_width = lanes_at<Floats>(g.half_width, g, i);
-        slot.max_speed = lanes_at<Floats>(g.max_speed, g, i);
-        slot.acceleration = lanes_at<Floats>(g.acceleration, g, i);
-        slot.route = lanes_at<Ints>(g.route, g, i);
-        slot.delta = lanes_at<Ints>(g.delta, g, i);
-        slot.hold = lanes_at<Ints>(g.hold, g, i);
+        ClosedLoopState<Pointer>::for_each_of_vehicles<Slot>(
+            [&](const auto&, auto field, auto in_slot) { slot.*in_slot = row_at(g.state.*field, g, i); });
         load_route(g.tables, slot);
     }
     for (int k = 0; k < 4; ++k) {
-        world.random.s[k] = lanes_at<Words>(g.random, g, k);
+        world.random.s[k] = row_at(g.state.random, g, k);
     }
-    world.cycle = lanes_at<Ints>(g.cycle, g, 0);
+    world.cycle = row_at(g.state.cycle, g, 0);
     world.exists = lane_numbers() < g.worlds - g.first_lane;
 }
 
@@ -52,20 +46,13 @@ void store(const ClosedLoopArguments& g, Ints changed, const World& world) {
     const auto put = [&](auto& target, const auto& source) { target = changed ? source : target; };
     for (int i = 0; i < g.vehicles; ++i) {
         const Slot& slot = world.slots[i];
-        put(lanes_at<Floats>(g.position, g, i), slot.position);
-        put(lanes_at<Floats>(g.speed, g, i), slot.speed);
-        put(lanes_at<Floats>(g.half_length, g, i), slot.half_length);
-        put(lanes_at<Floats>(g.half_width, g, i), slot.half_width);
-        put(lanes_at<Floats>(g.max_speed, g, i), slot.max_speed);
-        put(lanes_at<Floats>(g.acceleration, g, i), slot.acceleration);
-        put(lanes_at<Ints>(g.route, g, i), slot.route);
-        put(lanes_at<Ints>(g.delta, g, i), slot.delta);
-        put(lanes_at<Ints>(g.hold, g, i), slot.hold);
+        ClosedLoopState<Pointer>::for_each_of_vehicles<Slot>(
+            [&](const auto&, auto field, auto in_slot) { put(row_at(g.state.*field, g, i), slot.*in_slot); });
     }
     for (int k = 0; k < 4; ++k) {
-        put(lanes_at<Words>(g.random, g, k), world.random.s[k]);
+        put(row_at(g.state.random, g, k), world.random.s[k]);
     }
-    put(lanes_at<Ints>(g.cycle, g, 0), world.cycle);
+    put(row_at(g.state.cycle, g, 0), world.cycle);
 }
 
 template <class Value>
@@ -77,7 +64,7 @@ void write_observation(const ClosedLoopArguments& g, const World& world, unsigne
     for (int i = 0; i < g.vehicles; ++i) {
         Floats features[FEATURES];
         driving_features(world.slots[i], features);
-        store_rows<3>(features, from_lane(g.observation, g, g.vehicles * FEATURES) + i * FEATURES,
+        store_rows<3>(features, from_lane(g.buffers.observation, g, g.vehicles * FEATURES) + i * FEATURES,
                       g.vehicles * FEATURES, wanted);
     }
 }
@@ -167,11 +154,11 @@ void final_features(const ClosedLoop& run, int i, Floats* features) {
 void write_results(const ClosedLoopArguments& g, ClosedLoop& run, Ints ran, Ints ends) {
     const unsigned wanted = used(g), written = wanted & bits(ran), ended = written & bits(ends);
     const long stride = g.vehicles;
-    for (std::uint8_t* flags : {g.terminated, g.truncated, g.reinserted}) {
+    for (std::uint8_t* flags : {g.buffers.terminated, g.buffers.truncated, g.buffers.reinserted}) {
         clear_flags(from_lane(flags, g, stride), stride, wanted, g.vehicles);
     }
-    clear_flags(from_lane(g.done, g, 1), 1, wanted, 1);
-    set_flags(from_lane(g.done, g, 1), 1, ended);
+    clear_flags(from_lane(g.buffers.done, g, 1), 1, wanted, 1);
+    set_flags(from_lane(g.buffers.done, g, 1), 1, ended);
     for (int i = 0; i < g.vehicles; ++i) {
         run.step_reward[i] = ran ? run.step_reward[i] : all(0.0F);
         const unsigned cut = written & (ended | bits(run.world.slots[i].left));
@@ -179,15 +166,15 @@ void write_results(const ClosedLoopArguments& g, ClosedLoop& run, Ints ran, Ints
             continue;
         }
         const unsigned blamed = ended & bits(run.world.slots[i].blamed);
-        set_flags(from_lane(g.terminated, g, stride) + i, stride, blamed);
-        set_flags(from_lane(g.truncated, g, stride) + i, stride, ended & ~blamed);
-        set_flags(from_lane(g.reinserted, g, stride) + i, stride, cut & ~ended);
+        set_flags(from_lane(g.buffers.terminated, g, stride) + i, stride, blamed);
+        set_flags(from_lane(g.buffers.truncated, g, stride) + i, stride, ended & ~blamed);
+        set_flags(from_lane(g.buffers.reinserted, g, stride) + i, stride, cut & ~ended);
         Floats features[FEATURES];
         final_features(run, i, features);
-        store_rows<3>(features, from_lane(g.final_observation, g, stride * FEATURES) + i * FEATURES, stride * FEATURES,
-                      cut);
+        store_rows<3>(features, from_lane(g.buffers.final_observation, g, stride * FEATURES) + i * FEATURES,
+                      stride * FEATURES, cut);
     }
-    store_columns(run.step_reward, g.vehicles, from_lane(g.reward, g, stride), stride, wanted);
+    store_columns(run.step_reward, g.vehicles, from_lane(g.buffers.reward, g, stride), stride, wanted);
 }
 
 // What the state says, seen again; decisions stay as they are.
@@ -208,25 +195,18 @@ void look(const ClosedLoopArguments& g, World& world) {
 
 // The state of one lane to that of one world, anywhere.
 void store_lane(const ClosedLoopArguments& g, const World& world, int lane, long index) {
-    const long first = index / BLOCK * BLOCK, place = index % BLOCK;
+    const long first = index / WORLDS_PER_BLOCK * WORLDS_PER_BLOCK, place = index % WORLDS_PER_BLOCK;
     for (int i = 0; i < g.vehicles; ++i) {
         const Slot& slot = world.slots[i];
-        const long k = (first * g.vehicles) + static_cast<long>(i) * BLOCK + place;
-        g.position[k] = slot.position[lane];
-        g.speed[k] = slot.speed[lane];
-        g.half_length[k] = slot.half_length[lane];
-        g.half_width[k] = slot.half_width[lane];
-        g.max_speed[k] = slot.max_speed[lane];
-        g.acceleration[k] = slot.acceleration[lane];
-        g.route[k] = slot.route[lane];
-        g.delta[k] = slot.delta[lane];
-        g.hold[k] = slot.hold[lane];
+        const long k = (first * g.vehicles) + static_cast<long>(i) * WORLDS_PER_BLOCK + place;
+        ClosedLoopState<Pointer>::for_each_of_vehicles<Slot>(
+            [&](const auto&, auto field, auto in_slot) { (g.state.*field)[k] = (slot.*in_slot)[lane]; });
     }
     for (int k = 0; k < 4; ++k) {
-        g.random[first * 8 + k * BLOCK + place] = world.random.s[k][lane];
+        g.state.random[first * 8 + k * WORLDS_PER_BLOCK + place] = world.random.s[k][lane];
     }
-    g.cycle[index] = world.cycle[lane];
-    g.ended[index] = 0;
+    g.state.cycle[index] = world.cycle[lane];
+    g.state.ended[index] = 0;
 }
 
 // New starts for listed worlds, a row of lanes at a time.
@@ -237,7 +217,8 @@ bool run_start(const ClosedLoopArguments& g, ClosedLoop& run) {
     for (int l = 0; l < WIDTH; ++l) {
         const long index = g.listed[l < g.listed_count ? l : 0];
         for (int k = 0; k < 4; ++k) {
-            world.random.s[k][l] = g.random[index / BLOCK * BLOCK * 8 + k * BLOCK + index % BLOCK];
+            world.random.s[k][l] = g.state.random[index / WORLDS_PER_BLOCK * WORLDS_PER_BLOCK * 8 +
+                                                  k * WORLDS_PER_BLOCK + index % WORLDS_PER_BLOCK];
         }
     }
     if (!start<GAP>(g.tables, g.gap_network, g.vehicles, wanted, world, run.trial)) {
@@ -253,7 +234,7 @@ bool run_start(const ClosedLoopArguments& g, ClosedLoop& run) {
         Floats features[FEATURES];
         driving_features(world.slots[i], features);
         for (int l = 0; l < g.listed_count; ++l) {
-            float* row = g.observation + (static_cast<long>(g.listed[l]) * g.vehicles + i) * FEATURES;
+            float* row = g.buffers.observation + (static_cast<long>(g.listed[l]) * g.vehicles + i) * FEATURES;
             store_rows<3>(features, row - l, 1, 1U << l);
         }
     }
@@ -263,10 +244,10 @@ bool run_start(const ClosedLoopArguments& g, ClosedLoop& run) {
 template <Gap GAP>
 void run_step(const ClosedLoopArguments& g, ClosedLoop& run) {
     const unsigned lanes = used(g);
-    Ints& ended = lanes_at<Ints>(g.ended, g, 0);
+    Ints& ended = row_at(g.state.ended, g, 0);
     const Ints ran = ~ended;
     load(g, run.world);
-    load_columns(from_lane(g.action, g, g.vehicles), g.vehicles, g.vehicles, lanes, run.action);
+    load_columns(from_lane(g.buffers.action, g, g.vehicles), g.vehicles, g.vehicles, lanes, run.action);
     const Ints ends = step<GAP>(g, run);
     write_results(g, run, ran, ends);
     store(g, ran, run.world);
@@ -347,7 +328,7 @@ bool run_rollout(const ClosedLoopArguments& g, ClosedLoop& run) {
     look<GAP>(g, world);
     Random noise;
     for (int k = 0; k < 4; ++k) {
-        noise.s[k] = lanes_at<Words>(g.random, g, 4 + k);
+        noise.s[k] = row_at(g.state.random, g, 4 + k);
     }
     for (int step_index = 0; step_index < g.steps; ++step_index) {
         act(g, step_index, noise, cut, run);
@@ -366,7 +347,7 @@ bool run_rollout(const ClosedLoopArguments& g, ClosedLoop& run) {
     put_next_values(g, g.steps - 1, value, cut);
     store(g, all_ints(-1), world);
     for (int k = 0; k < 4; ++k) {
-        lanes_at<Words>(g.random, g, 4 + k) = noise.s[k];
+        row_at(g.state.random, g, 4 + k) = noise.s[k];
     }
     write_observation(g, world, used(g));
     return true;

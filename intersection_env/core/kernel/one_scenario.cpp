@@ -32,26 +32,21 @@ struct Single {
     Circles<Floats> circles[MAX_ROWS];
 };
 
-template <class Lanes, class Value>
-Lanes lanes_at(const Value* values, long first) {
-    return *reinterpret_cast<const Lanes*>(values + first);
-}
-
 void start(const LaneProblem& p, Single& run) {
     run.count = (p.vehicles + WIDTH - 1) / WIDTH;
     for (int r = 0; r < run.count; ++r) {
         VehicleRow& row = run.rows[r];
         const long at = static_cast<long>(r) * WIDTH;
-        row.half_length = lanes_at<Floats>(p.half_length, at);
-        row.max_speed = lanes_at<Floats>(p.max_speed, at);
-        row.stop_line = lanes_at<Floats>(p.stop_line, at);
-        row.route_length = lanes_at<Floats>(p.route_length, at);
-        row.last_row = lanes_at<Floats>(p.last_row, at);
-        row.first_row = lanes_at<Ints>(p.first_row, at);
-        row.route = lanes_at<Ints>(p.route, at);
-        row.position = lanes_at<Floats>(p.position, at);
-        row.speed = lanes_at<Floats>(p.speed, at);
-        row.delta = lanes_at<Ints>(p.committed, at);
+        row.half_length = lanes_at(p.half_length + at);
+        row.max_speed = lanes_at(p.max_speed + at);
+        row.stop_line = lanes_at(p.stop_line + at);
+        row.route_length = lanes_at(p.route_length + at);
+        row.last_row = lanes_at(p.last_row + at);
+        row.first_row = lanes_at(p.first_row + at);
+        row.route = lanes_at(p.route + at);
+        row.position = lanes_at(p.position + at);
+        row.speed = lanes_at(p.speed + at);
+        row.delta = lanes_at(p.committed + at);
         row.hold = all_ints(-1);
         row.present = row.position < row.route_length;
         row.time_loss = all(0.0F);
@@ -78,13 +73,13 @@ void observe(const Problem& problem, Single& run) {
         forget_lead(row);
         for (int k = 0; k < p.candidates; ++k) {
             const long at = static_cast<long>(k) * p.padded_vehicles + static_cast<long>(r) * WIDTH;
-            const Ints other = lanes_at<Ints>(p.other, at);
-            const Floats half_length = lanes_at<Floats>(p.other_half_length, at);
-            const Floats split = lanes_at<Floats>(p.split, at), merge = lanes_at<Floats>(p.merge, at);
+            const Ints other = lanes_at(p.other + at);
+            const Floats half_length = lanes_at(p.other_half_length + at);
+            const Floats split = lanes_at(p.split + at), merge = lanes_at(p.merge + at);
             const Floats position = pick(run.position, run.count, other), speed = pick(run.speed, run.count, other);
-            const Floats ahead = position - lanes_at<Floats>(p.offset, at) - row.position;
+            const Floats ahead = position - lanes_at(p.offset + at) - row.position;
             const Ints entry = (row.rear < split) & (position - half_length < split);
-            const Ints held = pick(run.hold, run.count, other) | lanes_at<Ints>(p.other_stop_lane, at);
+            const Ints held = pick(run.hold, run.count, other) | lanes_at(p.other_stop_lane + at);
             follow(row, (ahead > 0.0F) & (entry | (position + half_length > merge)),
                    ahead - (row.half_length + half_length), speed, held);
         }
@@ -109,22 +104,21 @@ Ints row_of(std::uint64_t vehicles, int row) {
 // The pairs from `first` on, a row of them.
 void decide_pairs(const Problem& problem, const std::int32_t* assignments, long first, Single& run) {
     const LaneProblem& p = problem.lanes;
-    const Ints i = lanes_at<Ints>(p.yielder, first), j = lanes_at<Ints>(p.prioritized, first);
-    const Ints assignment = lanes_at<Ints>(assignments, first), swapped = assignment > 0;
-    const Floats end_i = lanes_at<Floats>(p.yielder_end, first), end_j = lanes_at<Floats>(p.prioritized_end, first);
-    const Floats half_i = lanes_at<Floats>(p.yielder_half_length, first);
-    const Floats half_j = lanes_at<Floats>(p.prioritized_half_length, first);
+    const Ints i = lanes_at(p.yielder + first), j = lanes_at(p.prioritized + first);
+    const Ints assignment = lanes_at(assignments + first), swapped = assignment > 0;
+    const Floats end_i = lanes_at(p.yielder_end + first), end_j = lanes_at(p.prioritized_end + first);
+    const Floats half_i = lanes_at(p.yielder_half_length + first);
+    const Floats half_j = lanes_at(p.prioritized_half_length + first);
     const Floats position_i = pick(run.position, run.count, i), position_j = pick(run.position, run.count, j);
     const Floats rear_i = position_i - half_i, rear_j = position_j - half_j;
     const Ints active = (position_i < FAR) & (position_j < FAR) &
                         (swapped ? (rear_j < end_j) & (position_i < end_i) : (rear_i < end_i) & (position_j < end_j));
-    const Ints open =
-        active & (assignment == 0) & (pick(run.hold, run.count, j) <= lanes_at<Ints>(p.yielder_route, first));
+    const Ints open = active & (assignment == 0) & (pick(run.hold, run.count, j) <= lanes_at(p.yielder_route + first));
     const Ints to_i = active & (assignment < 0), to_j = active & swapped;
     const Ints asked = open & ~pick(run.decided, run.count, i);
     std::uint64_t refused = 0;
     if (any(asked)) {
-        const Floats front_j = position_j + half_j, stop_j = lanes_at<Floats>(p.prioritized_stop_line, first);
+        const Floats front_j = position_j + half_j, stop_j = lanes_at(p.prioritized_stop_line + first);
         Encounter met = {end_i - rear_i,
                          pick(run.speed, run.count, i),
                          all(1.0F),
@@ -133,11 +127,11 @@ void decide_pairs(const Problem& problem, const std::int32_t* assignments, long 
                          pick(run.speed, run.count, j),
                          all(1.0F),
                          end_j - rear_j,
-                         lanes_at<Ints>(p.merging, first)};
+                         lanes_at(p.merging + first)};
         if (problem.gap == Gap::sumo) {
             met.v_max = pick(run.v_max, run.count, i);
             met.foe_v_max = pick(run.v_max, run.count, j);
-            met.distance_to_stop_line = lanes_at<Floats>(p.yielder_stop_line, first) - (position_i + half_i);
+            met.distance_to_stop_line = lanes_at(p.yielder_stop_line + first) - (position_i + half_i);
         }
         refused = vehicles_of(bits(asked & ~accepts_gap(problem.gap, problem.gap_network, met)), p.yielder + first);
     }

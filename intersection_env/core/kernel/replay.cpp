@@ -18,9 +18,30 @@ struct Replay {
     Floats last_features[FEATURES];
 };
 
-template <class Lanes, class Value>
-Lanes& lanes_at(Value* values, const ReplayArguments& g, long row = 0) {
-    return *reinterpret_cast<Lanes*>(values + row * g.padded + g.first_world);
+template <class Number>
+using LanesPointer = LanesOf<Number>*;
+
+ReplayState<LanesPointer> state_of(Replay& run) {
+    return {.track = &run.track,
+            .time = &run.time,
+            .position = &run.acting.position,
+            .speed = &run.acting.speed,
+            .acceleration = &run.acting.acceleration,
+            .delta = &run.acting.delta,
+            .expert_delta = &run.expert.delta,
+            .ended = &run.ended,
+            .random = run.random.s};
+}
+
+// visit(lanes in memory, lanes of the run) for the whole state, the stream of sampled actions left out.
+template <class Visit>
+void for_each_row(const ReplayArguments& g, Replay& run, const Visit& visit) {
+    const ReplayState<LanesPointer> lanes = state_of(run);
+    ReplayState<Pointer>::for_each<ReplayState<LanesPointer>>([&](const auto& field, auto in_memory, auto in_run) {
+        for (long row = 0; row < (field.per == Per::word ? STREAM_WORDS : 1); ++row) {
+            visit(lanes_at(g.state.*in_memory + row * g.padded + g.first_world), (lanes.*in_run)[row]);
+        }
+    });
 }
 
 unsigned used(const ReplayArguments& g) { return used_lanes(g.worlds); }
@@ -56,35 +77,14 @@ void load_expert(const ReplayArguments& g, Replay& run) {
 }
 
 void load(const ReplayArguments& g, Replay& run) {
-    run.track = lanes_at<Ints>(g.track, g);
-    run.time = lanes_at<Ints>(g.time, g);
-    run.ended = lanes_at<Ints>(g.ended, g);
+    for_each_row(g, run, [](const auto& in_memory, auto& in_run) { in_run = in_memory; });
     run.exists = lane_numbers() < g.worlds;
     load_track(g, run);
-    run.acting.position = lanes_at<Floats>(g.position, g);
-    run.acting.speed = lanes_at<Floats>(g.speed, g);
-    run.acting.acceleration = lanes_at<Floats>(g.acceleration, g);
-    run.acting.delta = lanes_at<Ints>(g.delta, g);
-    run.expert.delta = lanes_at<Ints>(g.expert_delta, g);
     run.acting.hold = run.expert.hold = all_ints(-1);
-    for (int k = 0; k < 4; ++k) {
-        run.random.s[k] = lanes_at<Words>(g.random, g, k);
-    }
 }
 
-void store(const ReplayArguments& g, Ints changed, const Replay& run) {
-    const auto put = [&](auto& target, const auto& source) { target = changed ? source : target; };
-    put(lanes_at<Ints>(g.track, g), run.track);
-    put(lanes_at<Ints>(g.time, g), run.time);
-    put(lanes_at<Floats>(g.position, g), run.acting.position);
-    put(lanes_at<Floats>(g.speed, g), run.acting.speed);
-    put(lanes_at<Floats>(g.acceleration, g), run.acting.acceleration);
-    put(lanes_at<Ints>(g.delta, g), run.acting.delta);
-    put(lanes_at<Ints>(g.expert_delta, g), run.expert.delta);
-    put(lanes_at<Ints>(g.ended, g), run.ended);
-    for (int k = 0; k < 4; ++k) {
-        put(lanes_at<Words>(g.random, g, k), run.random.s[k]);
-    }
+void store(const ReplayArguments& g, Ints changed, Replay& run) {
+    for_each_row(g, run, [&](auto& in_memory, const auto& in_run) { in_memory = changed ? in_run : in_memory; });
 }
 
 // A recorded vehicle beside the acting one; see COMPANION_COLUMNS.
@@ -257,10 +257,10 @@ Ints step(const ReplayArguments& g, Replay& run) {
 void write_seen(const ReplayArguments& g, unsigned lanes, const Replay& run) {
     Floats features[FEATURES];
     driving_features(run.acting, features);
-    store_rows<3>(features, g.observation + g.first_world * FEATURES, FEATURES, lanes);
+    store_rows<3>(features, g.buffers.observation + g.first_world * FEATURES, FEATURES, lanes);
     driving_features(run.expert, features);
-    store_rows<3>(features, g.expert_observation + g.first_world * FEATURES, FEATURES, lanes);
-    store_columns(&run.expert_acceleration, 1, g.expert_acceleration + g.first_world, 1, lanes);
+    store_rows<3>(features, g.buffers.expert_observation + g.first_world * FEATURES, FEATURES, lanes);
+    store_columns(&run.expert_acceleration, 1, g.buffers.expert_acceleration + g.first_world, 1, lanes);
 }
 
 void run_start(const ReplayArguments& g, Replay& run) {
@@ -283,24 +283,24 @@ void run_step(const ReplayArguments& g, Replay& run) {
     const unsigned lanes = used(g);
     load(g, run);
     const Ints ran = ~run.ended;
-    load_columns(g.action + g.first_world, 1, 1, lanes, &run.action);
+    load_columns(g.buffers.action + g.first_world, 1, 1, lanes, &run.action);
     const Ints ends = step(g, run);
     const unsigned over = lanes & bits(ran & ends), blamed = over & bits(run.collided);
-    for (std::uint8_t* flags : {g.terminated, g.truncated}) {
+    for (std::uint8_t* flags : {g.buffers.terminated, g.buffers.truncated}) {
         clear_flags(flags + g.first_world, 1, lanes, 1);
     }
-    set_flags(g.terminated + g.first_world, 1, blamed);
-    set_flags(g.truncated + g.first_world, 1, over & ~blamed);
+    set_flags(g.buffers.terminated + g.first_world, 1, blamed);
+    set_flags(g.buffers.truncated + g.first_world, 1, over & ~blamed);
     if (over != 0) {
-        store_rows<3>(run.last_features, g.final_observation + g.first_world * FEATURES, FEATURES, over);
+        store_rows<3>(run.last_features, g.buffers.final_observation + g.first_world * FEATURES, FEATURES, over);
     }
     const Floats paid = ran ? run.step_reward : all(0.0F);
-    store_columns(&paid, 1, g.reward + g.first_world, 1, lanes);
+    store_columns(&paid, 1, g.buffers.reward + g.first_world, 1, lanes);
     run.ended |= ends;
     store(g, ran, run);
     write_seen(g, lanes & bits(ran), run);
     if (over != 0) { // where it ended, the observation is the last one too, until the next start
-        store_rows<3>(run.last_features, g.observation + g.first_world * FEATURES, FEATURES, over);
+        store_rows<3>(run.last_features, g.buffers.observation + g.first_world * FEATURES, FEATURES, over);
     }
 }
 
@@ -319,7 +319,7 @@ void run_rollout(const ReplayArguments& g, Replay& run) {
     look_again(g, Ints{}, run);
     Random noise;
     for (int k = 0; k < 4; ++k) {
-        noise.s[k] = lanes_at<Words>(g.random, g, 4 + k);
+        noise.s[k] = lanes_at(g.state.random + (STREAM_WORDS + k) * g.padded + g.first_world);
     }
     const auto put = [&](const Floats& values, float* results, int step_index) {
         store_columns(&values, 1, results + g.first_world * g.steps + step_index, g.steps, lanes);
@@ -361,7 +361,7 @@ void run_rollout(const ReplayArguments& g, Replay& run) {
     }
     store(g, all_ints(-1), run);
     for (int k = 0; k < 4; ++k) {
-        lanes_at<Words>(g.random, g, 4 + k) = noise.s[k];
+        lanes_at(g.state.random + (STREAM_WORDS + k) * g.padded + g.first_world) = noise.s[k];
     }
     write_seen(g, lanes, run);
 }

@@ -1,11 +1,10 @@
 // NumPy arrays: taken without conversion, made for the core to fill, or views of what it keeps.
 #pragma once
 
-#include <algorithm>
 #include <cstdint>
-#include <initializer_list>
 #include <stdexcept>
 #include <string>
+#include <type_traits>
 #include <vector>
 
 #include <nanobind/nanobind.h>
@@ -22,9 +21,11 @@ using Arrays = nb::typed<nb::dict, nb::str, nb::any>; // by name
 template <class T>
 using Matrix = nb::ndarray<const T, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
 
+using Shape = std::vector<std::size_t>;
+
 // A NumPy array of its own memory, for the core to fill.
 template <class T>
-nb::ndarray<nb::numpy, T> make(std::vector<std::size_t> shape) {
+nb::ndarray<nb::numpy, T> make(const Shape& shape) {
     std::size_t size = 1;
     for (const std::size_t n : shape) {
         size *= n;
@@ -39,35 +40,22 @@ std::vector<T> copy(const Vector<T>& values) {
     return {values.data(), values.data() + values.size()};
 }
 
-// A view of memory that its owner, a bound object, keeps.
+// A view of memory that its owner, a bound object, keeps; flags are shown as such.
+template <class Stored>
+auto view(nb::handle owner, std::vector<Stored>& values, const Shape& shape) {
+    using Shown = std::conditional_t<std::is_same_v<Stored, std::uint8_t>, bool, Stored>;
+    return nb::ndarray<nb::numpy, Shown>(reinterpret_cast<Shown*>(values.data()), shape.size(), shape.data(), owner);
+}
+
+// One array of many, by name; its size is checked by whoever is given the values.
 template <class T>
-nb::ndarray<nb::numpy, T> view(nb::handle owner, T* data, std::initializer_list<int> shape) {
-    std::vector<std::size_t> sizes(shape.begin(), shape.end());
-    return nb::ndarray<nb::numpy, T>(data, sizes.size(), sizes.data(), owner);
-}
-
-inline nb::ndarray<nb::numpy, bool> flags(nb::handle owner, std::vector<std::uint8_t>& data,
-                                          std::initializer_list<int> shape) {
-    return view(owner, reinterpret_cast<bool*>(data.data()), shape);
-}
-
-template <class T, class Stored>
-nb::ndarray<nb::numpy, T> copied(const std::vector<Stored>& values, std::initializer_list<int> shape) {
-    auto array = make<T>(std::vector<std::size_t>(shape.begin(), shape.end()));
-    std::copy(values.begin(), values.end(), array.data());
-    return array;
-}
-
-// One array of a state, by name; its size is checked by whoever takes the state.
-template <class T, class Stored>
-void take(const Arrays& state, const char* name, std::vector<Stored>& values) {
-    using Array = nb::ndarray<const T, nb::c_contig, nb::device::cpu>;
-    Array array;
-    if (!state.contains(name) || !nb::try_cast<Array>(state[name], array, false)) {
+nb::ndarray<const T, nb::c_contig, nb::device::cpu> taken(const Arrays& arrays, const char* name) {
+    nb::ndarray<const T, nb::c_contig, nb::device::cpu> array;
+    if (!arrays.contains(name) || !nb::try_cast(arrays[name], array, false)) {
         throw std::invalid_argument(std::string("the array \"") + name +
                                     "\" is missing, of another type or not contiguous");
     }
-    values.assign(array.data(), array.data() + array.size());
+    return array;
 }
 
 } // namespace intersection_env::python

@@ -1,10 +1,12 @@
 // Worlds: their arrays are views of the core's memory.
 #include "python/bind.hpp"
 
+#include <algorithm>
 #include <cmath>
 #include <memory>
 #include <optional>
 #include <string>
+#include <type_traits>
 #include <vector>
 
 #include <nanobind/stl/optional.h>
@@ -22,91 +24,76 @@ using namespace nb::literals;
 
 namespace {
 
-Arrays state_of(const ClosedLoop& worlds) {
-    const ClosedLoopState s = worlds.state();
-    const int count = worlds.worlds(), vehicles = worlds.vehicles();
-    Arrays state;
-    state["route"] = copied<std::int32_t>(s.route, {count, vehicles});
-    state["position"] = copied<float>(s.position, {count, vehicles});
-    state["speed"] = copied<float>(s.speed, {count, vehicles});
-    state["length"] = copied<float>(s.length, {count, vehicles});
-    state["width"] = copied<float>(s.width, {count, vehicles});
-    state["max_speed"] = copied<float>(s.max_speed, {count, vehicles});
-    state["acceleration"] = copied<float>(s.acceleration, {count, vehicles});
-    state["delta"] = copied<bool>(s.delta, {count, vehicles});
-    state["hold"] = copied<std::int32_t>(s.hold, {count, vehicles});
-    state["cycle"] = copied<std::int32_t>(s.cycle, {count});
-    state["done"] = copied<bool>(s.done, {count});
-    state["random"] = copied<std::uint32_t>(s.random, {count, 8});
-    return state;
+template <class Worlds>
+Shape shape_of(const Worlds& worlds, Per per) {
+    Shape shape{static_cast<std::size_t>(worlds.worlds())};
+    if (std::is_same_v<Worlds, ClosedLoop> && (per == Per::vehicle || per == Per::feature)) {
+        shape.push_back(static_cast<std::size_t>(worlds.vehicles()));
+    }
+    if (per == Per::feature) {
+        shape.push_back(DRIVING_INPUTS);
+    } else if (per == Per::word) {
+        shape.push_back(2 * STREAM_WORDS);
+    }
+    return shape;
 }
 
-void restore(ClosedLoop& worlds, const Arrays& state) {
-    ClosedLoopState s;
-    take<std::int32_t>(state, "route", s.route);
-    take<float>(state, "position", s.position);
-    take<float>(state, "speed", s.speed);
-    take<float>(state, "length", s.length);
-    take<float>(state, "width", s.width);
-    take<float>(state, "max_speed", s.max_speed);
-    take<float>(state, "acceleration", s.acceleration);
-    take<bool>(state, "delta", s.delta);
-    take<std::int32_t>(state, "hold", s.hold);
-    take<std::int32_t>(state, "cycle", s.cycle);
-    take<bool>(state, "done", s.done);
-    take<std::uint32_t>(state, "random", s.random);
+template <class Worlds>
+Arrays state_of(const Worlds& worlds) {
+    const typename Worlds::State state = worlds.state();
+    Arrays arrays;
+    Worlds::State::for_each([&](auto field, auto member) {
+        const auto& values = state.*member;
+        auto array = make<decltype(field.shown(values.front()))>(shape_of(worlds, field.per));
+        std::transform(values.begin(), values.end(), array.data(), [field](auto kept) { return field.shown(kept); });
+        arrays[field.name] = array;
+    });
+    return arrays;
+}
+
+template <class Worlds>
+void restore(Worlds& worlds, const Arrays& arrays) {
+    typename Worlds::State state;
+    Worlds::State::for_each([&](auto field, auto member) {
+        auto& values = state.*member;
+        const auto array = taken<decltype(field.shown(values.front()))>(arrays, field.name);
+        values.resize(array.size());
+        std::transform(array.data(), array.data() + array.size(), values.begin(),
+                       [field](auto shown) { return field.kept(shown); });
+    });
     const nb::gil_scoped_release release;
-    worlds.set_state(s);
+    worlds.set_state(state);
 }
 
-Arrays state_of(const Replay& worlds) {
-    const ReplayState s = worlds.state();
-    const int count = worlds.worlds();
-    Arrays state;
-    state["track"] = copied<std::int32_t>(s.track, {count});
-    state["time"] = copied<std::int32_t>(s.time, {count});
-    state["position"] = copied<float>(s.position, {count});
-    state["speed"] = copied<float>(s.speed, {count});
-    state["acceleration"] = copied<float>(s.acceleration, {count});
-    state["delta"] = copied<bool>(s.delta, {count});
-    state["expert_delta"] = copied<bool>(s.expert_delta, {count});
-    state["done"] = copied<bool>(s.done, {count});
-    state["random"] = copied<std::uint32_t>(s.random, {count, 8});
-    return state;
-}
-
-void restore(Replay& worlds, const Arrays& state) {
-    ReplayState s;
-    take<std::int32_t>(state, "track", s.track);
-    take<std::int32_t>(state, "time", s.time);
-    take<float>(state, "position", s.position);
-    take<float>(state, "speed", s.speed);
-    take<float>(state, "acceleration", s.acceleration);
-    take<bool>(state, "delta", s.delta);
-    take<bool>(state, "expert_delta", s.expert_delta);
-    take<bool>(state, "done", s.done);
-    take<std::uint32_t>(state, "random", s.random);
-    const nb::gil_scoped_release release;
-    worlds.set_state(s);
+template <class Worlds>
+void bind_buffers(nb::class_<Worlds>& bound) {
+    Worlds::Buffers::for_each([&](auto field, auto member) {
+        bound.def_prop_ro(field.name, [per = field.per, member](nb::handle_t<Worlds> self) {
+            auto& worlds = nb::cast<Worlds&>(self);
+            return view(self, worlds.buffers.*member, shape_of(worlds, per));
+        });
+    });
 }
 
 RecordedScenes scenes_of(const Arrays& arrays) {
     RecordedScenes s;
-    take<std::int64_t>(arrays, "scene_tracks", s.scene_tracks);
-    take<std::int64_t>(arrays, "track_samples", s.track_samples);
-    take<std::int32_t>(arrays, "track_route", s.route);
-    take<std::int32_t>(arrays, "track_start", s.start);
-    take<float>(arrays, "track_length", s.length);
-    take<float>(arrays, "track_width", s.width);
-    take<float>(arrays, "track_max_speed", s.max_speed);
-    take<float>(arrays, "position", s.position);
-    take<float>(arrays, "speed", s.speed);
-    take<bool>(arrays, "observed", s.observed);
+    const auto take = [&arrays]<class T>(const char* name, std::vector<T>& values) {
+        const auto array = taken<T>(arrays, name);
+        values.assign(array.data(), array.data() + array.size());
+    };
+    take("scene_tracks", s.scene_tracks);
+    take("track_samples", s.track_samples);
+    take("track_route", s.route);
+    take("track_start", s.start);
+    take("track_length", s.length);
+    take("track_width", s.width);
+    take("track_max_speed", s.max_speed);
+    take("position", s.position);
+    take("speed", s.speed);
+    const auto observed = taken<bool>(arrays, "observed");
+    s.observed.assign(observed.data(), observed.data() + observed.size());
     return s;
 }
-
-int vehicles_of(const ClosedLoop& worlds) { return worlds.vehicles(); }
-int vehicles_of(const Replay&) { return 1; }
 
 template <class T>
 T* filled_by(const nb::ndarray<T, nb::c_contig, nb::device::cpu>& array, const char* name, std::size_t size) {
@@ -127,20 +114,20 @@ DrivingNetwork network_of(const Vector<float>& parameters, const char* name) {
     return network;
 }
 
-using Results = nb::ndarray<float, nb::c_contig, nb::device::cpu>;
-using ResultFlags = nb::ndarray<bool, nb::c_contig, nb::device::cpu>;
+using Numbers = nb::ndarray<float, nb::c_contig, nb::device::cpu>;
+using Booleans = nb::ndarray<bool, nb::c_contig, nb::device::cpu>;
 
 template <class Worlds>
 void roll_out(Worlds& worlds, const Vector<float>& policy, const Vector<float>& value, float sigma, int steps,
-              const Results& observation, const Results& latent, const Results& log_probability,
-              const Results& value_now, const Results& value_next, const Results& reward, const ResultFlags& terminated,
-              const ResultFlags& cut) {
+              const Numbers& observation, const Numbers& latent, const Numbers& log_probability,
+              const Numbers& value_now, const Numbers& value_next, const Numbers& reward, const Booleans& terminated,
+              const Booleans& cut) {
     const DrivingNetwork policy_network = network_of(policy, "policy"), value_network = network_of(value, "value");
     if (steps < 1 || !(sigma > 0.0F)) {
         throw std::invalid_argument("a rollout needs at least one step and a sigma above 0");
     }
     const std::size_t size = static_cast<std::size_t>(worlds.worlds()) * static_cast<std::size_t>(steps) *
-                             static_cast<std::size_t>(vehicles_of(worlds));
+                             static_cast<std::size_t>(worlds.vehicles());
     const Rollout rollout{&policy_network,
                           &value_network,
                           sigma,
@@ -157,9 +144,7 @@ void roll_out(Worlds& worlds, const Vector<float>& policy, const Vector<float>& 
     worlds.rollout(rollout, steps);
 }
 
-} // namespace
-
-void bind_worlds(nb::module_& m) {
+void bind_closed_loop(nb::module_& m) {
     auto closed_loop =
         nb::class_<ClosedLoop>(m, "ClosedLoop",
                                "Closed-loop worlds; the arrays are views of what the next step overwrites.")
@@ -188,36 +173,12 @@ void bind_worlds(nb::module_& m) {
                  "value_now"_a.noconvert(), "value_next"_a.noconvert(), "reward"_a.noconvert(),
                  "terminated"_a.noconvert(), "cut"_a.noconvert(),
                  "Steps with the policy inside; fills arrays (world, step, vehicle[, feature]).")
-            .def("state", nb::overload_cast<const ClosedLoop&>(&state_of),
-                 "Everything, as arrays (world, vehicle), (world,) and (world, 8).")
-            .def("set_state", nb::overload_cast<ClosedLoop&, const Arrays&>(&restore), "state"_a);
-    for (const auto& [name, field] :
-         {std::pair{"action", &ClosedLoop::action}, std::pair{"reward", &ClosedLoop::reward}}) {
-        closed_loop.def_prop_ro(name, [field](nb::handle_t<ClosedLoop> self) {
-            auto& w = nb::cast<ClosedLoop&>(self);
-            return view(self, (w.*field).data(), {w.worlds(), w.vehicles()});
-        });
-    }
-    for (const auto& [name, field] : {std::pair{"observation", &ClosedLoop::observation},
-                                      std::pair{"final_observation", &ClosedLoop::final_observation}}) {
-        closed_loop.def_prop_ro(name, [field](nb::handle_t<ClosedLoop> self) {
-            auto& w = nb::cast<ClosedLoop&>(self);
-            return view(self, (w.*field).data(), {w.worlds(), w.vehicles(), DRIVING_INPUTS});
-        });
-    }
-    for (const auto& [name, field] :
-         {std::pair{"terminated", &ClosedLoop::terminated}, std::pair{"truncated", &ClosedLoop::truncated},
-          std::pair{"reinserted", &ClosedLoop::reinserted}}) {
-        closed_loop.def_prop_ro(name, [field](nb::handle_t<ClosedLoop> self) {
-            auto& w = nb::cast<ClosedLoop&>(self);
-            return flags(self, w.*field, {w.worlds(), w.vehicles()});
-        });
-    }
-    closed_loop.def_prop_ro("done", [](nb::handle_t<ClosedLoop> self) {
-        auto& w = nb::cast<ClosedLoop&>(self);
-        return flags(self, w.done, {w.worlds()});
-    });
+            .def("state", &state_of<ClosedLoop>, "Everything, as arrays (world, vehicle), (world,) and (world, 8).")
+            .def("set_state", &restore<ClosedLoop>, "state"_a);
+    bind_buffers(closed_loop);
+}
 
+void bind_replay(nb::module_& m) {
     auto replay =
         nb::class_<Replay>(m, "Replay", "Replay worlds; the arrays are views of what the next step overwrites.");
     replay
@@ -250,36 +211,16 @@ void bind_worlds(nb::module_& m) {
              "observation"_a.noconvert(), "latent"_a.noconvert(), "log_probability"_a.noconvert(),
              "value_now"_a.noconvert(), "value_next"_a.noconvert(), "reward"_a.noconvert(), "terminated"_a.noconvert(),
              "cut"_a.noconvert(), "Steps with the policy inside; fills arrays (world, step[, feature]).")
-        .def("state", nb::overload_cast<const Replay&>(&state_of), "Everything, as arrays (world,) and (world, 8).")
-        .def("set_state", nb::overload_cast<Replay&, const Arrays&>(&restore), "state"_a);
-    for (const auto& [name, field] : {std::pair{"action", &Replay::action}, std::pair{"reward", &Replay::reward},
-                                      std::pair{"expert_acceleration", &Replay::expert_acceleration}}) {
-        replay.def_prop_ro(name, [field](nb::handle_t<Replay> self) {
-            auto& w = nb::cast<Replay&>(self);
-            return view(self, (w.*field).data(), {w.worlds()});
-        });
-    }
-    for (const auto& [name, field] :
-         {std::pair{"observation", &Replay::observation}, std::pair{"final_observation", &Replay::final_observation},
-          std::pair{"expert_observation", &Replay::expert_observation}}) {
-        replay.def_prop_ro(name, [field](nb::handle_t<Replay> self) {
-            auto& w = nb::cast<Replay&>(self);
-            return view(self, (w.*field).data(), {w.worlds(), DRIVING_INPUTS});
-        });
-    }
-    for (const auto& [name, field] :
-         {std::pair{"terminated", &Replay::terminated}, std::pair{"truncated", &Replay::truncated}}) {
-        replay.def_prop_ro(name, [field](nb::handle_t<Replay> self) {
-            auto& w = nb::cast<Replay&>(self);
-            return flags(self, w.*field, {w.worlds()});
-        });
-    }
-    for (const auto& [name, field] : {std::pair{"track", &Replay::track_now}, std::pair{"time", &Replay::time_now}}) {
-        replay.def_prop_ro(name, [field](nb::handle_t<Replay> self) {
-            auto& w = nb::cast<Replay&>(self);
-            return view(self, (w.*field).data(), {w.worlds()});
-        });
-    }
+        .def("state", &state_of<Replay>, "Everything, as arrays (world,) and (world, 8).")
+        .def("set_state", &restore<Replay>, "state"_a);
+    bind_buffers(replay);
+}
+
+} // namespace
+
+void bind_worlds(nb::module_& m) {
+    bind_closed_loop(m);
+    bind_replay(m);
 }
 
 } // namespace intersection_env::python

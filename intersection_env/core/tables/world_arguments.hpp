@@ -7,10 +7,9 @@
 #include "tables/map_tables.hpp"
 #include "tables/problem.hpp"
 #include "tables/recorded_rows.hpp"
+#include "tables/world_fields.hpp"
 
 namespace intersection_env {
-
-constexpr int BLOCK = LANES; // worlds to a block, on every instruction set: the widest one's lanes
 
 // A policy and a value network inside a rollout, and where its results go: (world, step, vehicle[, feature]).
 struct Rollout {
@@ -22,8 +21,8 @@ struct Rollout {
 
 enum class Task : std::uint8_t { start, step, look, rollout };
 
-// One block of closed-loop worlds. State: (vehicle, BLOCK), or (BLOCK,), (8, BLOCK) for the streams; results of the
-// block's first world on.
+// One block of closed-loop worlds. State: (vehicle, WORLDS_PER_BLOCK), or (WORLDS_PER_BLOCK,), (8, WORLDS_PER_BLOCK)
+// for the streams; buffers from the block's first world on.
 struct ClosedLoopArguments {
     Tables tables;
     Gap gap;
@@ -38,14 +37,8 @@ struct ClosedLoopArguments {
     int listed_count;
     bool desynchronise; // cycles of a start begin at random
 
-    float *position, *speed, *half_length, *half_width, *max_speed, *acceleration;
-    std::int32_t *route, *delta, *hold, *cycle;
-    std::uint32_t* random;
-    std::int32_t* ended; // masks
-
-    const float* action;
-    float *observation, *final_observation, *reward;
-    std::uint8_t *terminated, *truncated, *reinserted, *done;
+    ClosedLoopState<Pointer> state;
+    ClosedLoopBuffers<Pointer> buffers;
     const Rollout* rollout;
 };
 
@@ -65,14 +58,9 @@ struct ReplayArguments {
     const std::int32_t* given;  // the track to start with, or -1: drawn
     bool desynchronise;         // begin anywhere within the track
 
-    float *position, *speed, *acceleration;
-    std::int32_t *track, *time, *delta, *expert_delta, *ended;
-    std::uint32_t* random; // (8, padded worlds)
+    ReplayState<Pointer> state; // random: (8, padded worlds)
     long padded;
-
-    const float* action;
-    float *observation, *final_observation, *reward, *expert_observation, *expert_acceleration;
-    std::uint8_t *terminated, *truncated;
+    ReplayBuffers<Pointer> buffers;
     const Rollout* rollout;
 };
 

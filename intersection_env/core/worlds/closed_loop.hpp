@@ -10,16 +10,9 @@
 #include "tables/map_tables.hpp"
 #include "threads.hpp"
 #include "worlds/autoreset.hpp"
+#include "worlds/fields.hpp"
 
 namespace intersection_env {
-
-// The whole state, one world after the other: (world, vehicle), (world,) and (world, 8).
-struct ClosedLoopState {
-    std::vector<std::int32_t> route, hold, cycle;
-    std::vector<float> position, speed, length, width, max_speed, acceleration;
-    std::vector<std::uint8_t> delta, done;
-    std::vector<std::uint32_t> random;
-};
 
 class ClosedLoop {
   public:
@@ -33,9 +26,9 @@ class ClosedLoop {
     int worlds() const { return worlds_; }
     int vehicles() const { return vehicles_; }
 
-    // The results of a step, world after world; the next step overwrites them.
-    std::vector<float> action, observation, final_observation, reward;
-    std::vector<std::uint8_t> terminated, truncated, reinserted, done;
+    // World after world; the next step overwrites them.
+    using Buffers = ClosedLoopBuffers<Values>;
+    Buffers buffers;
 
     // Throw std::runtime_error where no start without a violated constraint is found, before a first reset, and
     // while another thread is in such a call.
@@ -45,9 +38,11 @@ class ClosedLoop {
     // Results are (world, steps, vehicle[, feature]); needs autoreset same_step.
     void rollout(const Rollout& rollout, int steps);
 
-    ClosedLoopState state() const;
+    // The whole state, world after world, as the kernel keeps the numbers.
+    using State = ClosedLoopState<Values>;
+    State state() const;
     // Throws std::invalid_argument for sizes or values that are no state of these worlds.
-    void set_state(const ClosedLoopState& state);
+    void set_state(const State& state);
 
   private:
     ClosedLoopArguments arguments(long block, Task task);
@@ -56,9 +51,8 @@ class ClosedLoop {
     void restart(const std::vector<std::int32_t>& listed, bool desynchronise);
     std::vector<std::int32_t> ended() const;
     [[noreturn]] void refuse_start() const;
-    void check(const ClosedLoopState& state) const;
+    void check(const State& state) const;
     void check_started() const;
-    void forget_step();
 
     MapTables tables_;
     Policy policy_;
@@ -70,9 +64,7 @@ class ClosedLoop {
 
     bool started_ = false;
     std::atomic_flag held_;
-
-    struct Aligned; // the state, (block, vehicle, BLOCK)
-    std::unique_ptr<Aligned> aligned_;
+    ClosedLoopState<LaneVector> state_; // (block, vehicle, WORLDS_PER_BLOCK)
 };
 
 } // namespace intersection_env

@@ -7,21 +7,13 @@
 #include <vector>
 
 #include "kernel/dispatch.hpp"
-#include "tables/lane_vector.hpp"
 #include "tables/map_tables.hpp"
 #include "threads.hpp"
 #include "worlds/autoreset.hpp"
+#include "worlds/fields.hpp"
 #include "worlds/recorded.hpp"
 
 namespace intersection_env {
-
-// The whole state: (world,), and random (world, 8).
-struct ReplayState {
-    std::vector<std::int32_t> track, time;
-    std::vector<float> position, speed, acceleration;
-    std::vector<std::uint8_t> delta, expert_delta, done;
-    std::vector<std::uint32_t> random;
-};
 
 class Replay {
   public:
@@ -33,12 +25,12 @@ class Replay {
     Replay& operator=(const Replay&) = delete;
 
     int worlds() const { return worlds_; }
+    int vehicles() const { return 1; } // that act in a world
     const Recorded& recorded() const { return recorded_; }
 
-    // The results of a step, one entry a world; the next step overwrites them.
-    std::vector<float> action, observation, final_observation, reward, expert_observation, expert_acceleration;
-    std::vector<std::uint8_t> terminated, truncated;
-    std::vector<std::int32_t> track_now, time_now;
+    // World after world; the next step overwrites them.
+    using Buffers = ReplayBuffers<Values>;
+    Buffers buffers;
 
     // Throw std::runtime_error before a first reset, and while another thread is in such a call.
     void reset(std::uint64_t seed, bool desynchronise);
@@ -49,16 +41,20 @@ class Replay {
     // Results are (world, steps[, feature]); needs autoreset same_step.
     void rollout(const Rollout& rollout, int steps);
 
-    ReplayState state() const;
+    // The whole state, world after world, as the kernel keeps the numbers.
+    using State = ReplayState<Values>;
+    State state() const;
     // Throws std::invalid_argument for sizes or values that are no state of these worlds.
-    void set_state(const ReplayState& state);
+    void set_state(const State& state);
 
   private:
     void run(Task task, const std::uint8_t* wanted = nullptr, const std::int32_t* given = nullptr,
              bool desynchronise = false, const Rollout* rollout = nullptr, int steps = 0);
     void restart(std::span<const std::uint8_t> wanted, const std::int32_t* given, bool desynchronise);
     std::vector<std::uint8_t> ended() const;
+    void check(const State& state) const;
     void check_started() const;
+    long place(long world, long k) const { return k * padded_ + world; } // of a world's k-th number in the state
 
     MapTables tables_;
     Policy policy_;
@@ -73,9 +69,7 @@ class Replay {
 
     bool started_ = false;
     std::atomic_flag held_;
-    LaneVector<float> position_, speed_, acceleration_;
-    LaneVector<std::int32_t> track_, time_, delta_, expert_delta_, ended_;
-    LaneVector<std::uint32_t> random_; // (8, padded)
+    ReplayState<LaneVector> state_; // (padded,), random (8, padded)
 };
 
 } // namespace intersection_env

@@ -24,6 +24,33 @@ typedef std::int32_t Ints __attribute__((vector_size(WIDTH * 4))); // a mask hol
 typedef std::uint32_t Words __attribute__((vector_size(WIDTH * 4)));
 typedef float Quad __attribute__((vector_size(16), aligned(4)));
 
+template <class Number>
+struct LanesTrait;
+template <>
+struct LanesTrait<float> {
+    using Type = Floats;
+};
+template <>
+struct LanesTrait<std::int32_t> {
+    using Type = Ints;
+};
+template <>
+struct LanesTrait<std::uint32_t> {
+    using Type = Words;
+};
+template <class Number>
+struct LanesTrait<const Number> {
+    using Type = const typename LanesTrait<Number>::Type;
+};
+template <class Number>
+using LanesOf = typename LanesTrait<Number>::Type;
+
+// A row of lanes in memory that is aligned for it.
+template <class Number>
+inline LanesOf<Number>& lanes_at(Number* first) {
+    return *reinterpret_cast<LanesOf<Number>*>(first);
+}
+
 inline Floats all(float value) { return value - Floats{}; }
 inline Ints all_ints(std::int32_t value) { return value - Ints{}; }
 inline Floats least(Floats a, Floats b) { return a < b ? a : b; }
