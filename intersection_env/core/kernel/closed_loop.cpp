@@ -2,6 +2,7 @@
 #include "kernel/kernel.hpp"
 #include "kernel/step/drive.hpp"
 #include "kernel/worlds/results.hpp"
+#include "kernel/worlds/rollout.hpp"
 #include "kernel/worlds/start.hpp"
 #include "kernel/worlds/world.hpp"
 
@@ -12,12 +13,6 @@ struct ClosedLoop {
     World world, trial;
     Floats action[MAX_VEHICLES], step_reward[MAX_VEHICLES];
     Floats last_features[MAX_VEHICLES][FEATURES]; // of a vehicle that left
-};
-
-// Where a vehicle's return was cut, and the value of what it saw last.
-struct Cut {
-    Ints mask;
-    Floats value;
 };
 
 // The row-th row of lanes of a block's field.
@@ -35,7 +30,7 @@ void load(const ClosedLoopArguments& g, World& world) {
             [&](const auto&, auto field, auto in_slot) { slot.*in_slot = row_at(g.state.*field, g, i); });
         load_route(g.tables, slot);
     }
-    for (int k = 0; k < 4; ++k) {
+    for (int k = 0; k < STREAM_WORDS; ++k) {
         world.random.s[k] = row_at(g.state.random, g, k);
     }
     world.cycle = row_at(g.state.cycle, g, 0);
@@ -49,7 +44,7 @@ void store(const ClosedLoopArguments& g, Ints changed, const World& world) {
         ClosedLoopState<Pointer>::for_each_of_vehicles<Slot>(
             [&](const auto&, auto field, auto in_slot) { put(row_at(g.state.*field, g, i), slot.*in_slot); });
     }
-    for (int k = 0; k < 4; ++k) {
+    for (int k = 0; k < STREAM_WORDS; ++k) {
         put(row_at(g.state.random, g, k), world.random.s[k]);
     }
     put(row_at(g.state.cycle, g, 0), world.cycle);
@@ -202,7 +197,7 @@ void store_lane(const ClosedLoopArguments& g, const World& world, int lane, long
         ClosedLoopState<Pointer>::for_each_of_vehicles<Slot>(
             [&](const auto&, auto field, auto in_slot) { (g.state.*field)[k] = (slot.*in_slot)[lane]; });
     }
-    for (int k = 0; k < 4; ++k) {
+    for (int k = 0; k < STREAM_WORDS; ++k) {
         g.state.random[first * 8 + k * WORLDS_PER_BLOCK + place] = world.random.s[k][lane];
     }
     g.state.cycle[index] = world.cycle[lane];
@@ -216,7 +211,7 @@ bool run_start(const ClosedLoopArguments& g, ClosedLoop& run) {
     const Ints wanted = lane_numbers() < g.listed_count;
     for (int l = 0; l < WIDTH; ++l) {
         const long index = g.listed[l < g.listed_count ? l : 0];
-        for (int k = 0; k < 4; ++k) {
+        for (int k = 0; k < STREAM_WORDS; ++k) {
             world.random.s[k][l] = g.state.random[index / WORLDS_PER_BLOCK * WORLDS_PER_BLOCK * 8 +
                                                   k * WORLDS_PER_BLOCK + index % WORLDS_PER_BLOCK];
         }
@@ -255,101 +250,40 @@ void run_step(const ClosedLoopArguments& g, ClosedLoop& run) {
     ended |= ends & run.world.exists;
 }
 
-Place place_of(const ClosedLoopArguments& g, int step) {
-    const long stride = static_cast<long>(g.steps) * g.vehicles;
-    return {g.first_lane * stride + static_cast<long>(step) * g.vehicles, stride};
-}
+// What a rollout asks of the worlds.
+template <Gap GAP>
+struct RolledOut {
+    const ClosedLoopArguments& g;
+    ClosedLoop& run;
 
-void put(const ClosedLoopArguments& g, const Floats* columns, float* results, Place at) {
-    store_columns(columns, g.vehicles, results + at.first, at.stride, used(g));
-}
-
-// The values of what the step before led to: of the last observation where a return was cut.
-void put_next_values(const ClosedLoopArguments& g, int step, const Floats* value, const Cut* cut) {
-    Floats next[MAX_VEHICLES];
-    for (int i = 0; i < g.vehicles; ++i) {
-        next[i] = cut[i].mask ? cut[i].value : value[i];
-    }
-    put(g, next, g.rollout->value_next, place_of(g, step));
-}
-
-// Samples every vehicle's action, and writes what led to it.
-void act(const ClosedLoopArguments& g, int step, Random& noise, const Cut* cut, ClosedLoop& run) {
-    const Rollout& r = *g.rollout;
-    const Place at = place_of(g, step);
-    Floats normal[2], latent[MAX_VEHICLES], log_probability[MAX_VEHICLES], value[MAX_VEHICLES];
-    for (int i = 0; i < g.vehicles; ++i) {
-        if (i % 2 == 0) {
-            noise.normal(all_ints(-1), normal[0], normal[1]);
-        }
-        Floats features[FEATURES];
-        driving_features(run.world.slots[i], features);
-        store_rows<3>(features, r.observation + (at.first + i) * FEATURES, at.stride * FEATURES, used(g));
-        const Sampled sampled = sample_action(r, features, normal[i % 2]);
-        latent[i] = sampled.latent;
-        log_probability[i] = sampled.log_probability;
-        value[i] = sampled.value;
-        run.action[i] = sampled.action;
-    }
-    put(g, latent, r.latent, at);
-    put(g, log_probability, r.log_probability, at);
-    put(g, value, r.value_now, at);
-    if (step > 0) {
-        put_next_values(g, step - 1, value, cut);
-    }
-}
-
-// Ends and rewards of a rollout's step.
-void conclude(const ClosedLoopArguments& g, int step, Ints ends, Cut* cut, const ClosedLoop& run) {
-    const Rollout& r = *g.rollout;
-    const unsigned lanes = used(g);
-    const Place at = place_of(g, step);
-    put(g, run.step_reward, r.reward, at);
-    clear_flags(r.terminated + at.first, at.stride, lanes, g.vehicles);
-    clear_flags(r.cut + at.first, at.stride, lanes, g.vehicles);
-    for (int i = 0; i < g.vehicles; ++i) {
-        const Slot& slot = run.world.slots[i];
-        cut[i].mask = ends | slot.left;
-        if (any(cut[i].mask)) {
-            set_flags(r.terminated + at.first + i, at.stride, lanes & bits(ends & slot.blamed));
-            set_flags(r.cut + at.first + i, at.stride, lanes & bits(cut[i].mask));
-            Floats features[FEATURES];
-            final_features(run, i, features);
-            cut[i].value = evaluate<FEATURES>(*r.value, features, Tanh{});
-        }
-    }
-}
+    int vehicles() const { return g.vehicles; }
+    void observe(int i, Floats* features) const { driving_features(run.world.slots[i], features); }
+    void observe_last(int i, Floats* features) const { final_features(run, i, features); }
+    Floats* action() { return run.action; }
+    const Floats* paid() const { return run.step_reward; }
+    Ints step() { return INTERSECTION_ENV_ISA::step<GAP>(g, run) & run.world.exists; }
+    Ints left(int i) const { return run.world.slots[i].left; }
+    Ints blamed(int i) const { return run.world.slots[i].blamed; }
+    bool restart(Ints ended) { return start<GAP>(g.tables, g.gap_network, g.vehicles, ended, run.world, run.trial); }
+};
 
 template <Gap GAP>
 bool run_rollout(const ClosedLoopArguments& g, ClosedLoop& run) {
-    World& world = run.world;
-    Cut cut[MAX_VEHICLES];
-    load(g, world);
-    look<GAP>(g, world);
+    load(g, run.world);
+    look<GAP>(g, run.world);
     Random noise;
-    for (int k = 0; k < 4; ++k) {
-        noise.s[k] = row_at(g.state.random, g, 4 + k);
+    for (int k = 0; k < STREAM_WORDS; ++k) {
+        noise.s[k] = row_at(g.state.random, g, STREAM_WORDS + k);
     }
-    for (int step_index = 0; step_index < g.steps; ++step_index) {
-        act(g, step_index, noise, cut, run);
-        const Ints ends = step<GAP>(g, run) & world.exists;
-        conclude(g, step_index, ends, cut, run);
-        if (any(ends) && !start<GAP>(g.tables, g.gap_network, g.vehicles, ends, world, run.trial)) {
-            return false;
-        }
+    RolledOut<GAP> worlds{g, run};
+    if (!roll_out(*g.rollout, g.steps, g.first_world + g.first_lane, used(g), noise, worlds)) {
+        return false;
     }
-    Floats value[MAX_VEHICLES];
-    for (int i = 0; i < g.vehicles; ++i) {
-        Floats features[FEATURES];
-        driving_features(world.slots[i], features);
-        value[i] = evaluate<FEATURES>(*g.rollout->value, features, Tanh{});
+    store(g, all_ints(-1), run.world);
+    for (int k = 0; k < STREAM_WORDS; ++k) {
+        row_at(g.state.random, g, STREAM_WORDS + k) = noise.s[k];
     }
-    put_next_values(g, g.steps - 1, value, cut);
-    store(g, all_ints(-1), world);
-    for (int k = 0; k < 4; ++k) {
-        row_at(g.state.random, g, 4 + k) = noise.s[k];
-    }
-    write_observation(g, world, used(g));
+    write_observation(g, run.world, used(g));
     return true;
 }
 

@@ -3,6 +3,7 @@
 #include "kernel/kernel.hpp"
 #include "kernel/step/drive.hpp"
 #include "kernel/worlds/results.hpp"
+#include "kernel/worlds/rollout.hpp"
 #include "kernel/worlds/world.hpp"
 
 namespace intersection_env::INTERSECTION_ENV_ISA {
@@ -311,59 +312,45 @@ void run_look(const ReplayArguments& g, Replay& run) {
     write_seen(g, used(g), run);
 }
 
+// What a rollout asks of the worlds, in each of which one vehicle acts.
+struct RolledOut {
+    const ReplayArguments& g;
+    Replay& run;
+
+    static constexpr int vehicles() { return 1; }
+    void observe(int, Floats* features) const { driving_features(run.acting, features); }
+    void observe_last(int, Floats* features) const {
+        for (int f = 0; f < FEATURES; ++f) {
+            features[f] = run.last_features[f];
+        }
+    }
+    Floats* action() { return &run.action; }
+    const Floats* paid() const { return &run.step_reward; }
+    Ints step() { return INTERSECTION_ENV_ISA::step(g, run) & run.exists; }
+    Ints left(int) const { return Ints{}; } // it ends its world, and so is among those that end
+    Ints blamed(int) const { return run.collided; }
+    bool restart(Ints ended) {
+        begin(g, ended, all_ints(-1), run);
+        look_again(g, ended, run);
+        return true;
+    }
+};
+
 void run_rollout(const ReplayArguments& g, Replay& run) {
-    const Rollout& r = *g.rollout;
-    const unsigned lanes = used(g);
     load(g, run);
     load_expert(g, run);
     look_again(g, Ints{}, run);
     Random noise;
-    for (int k = 0; k < 4; ++k) {
+    for (int k = 0; k < STREAM_WORDS; ++k) {
         noise.s[k] = lanes_at(g.state.random + (STREAM_WORDS + k) * g.padded + g.first_world);
     }
-    const auto put = [&](const Floats& values, float* results, int step_index) {
-        store_columns(&values, 1, results + g.first_world * g.steps + step_index, g.steps, lanes);
-    };
-    const auto put_flags = [&](Ints mask, std::uint8_t* results, int step_index) {
-        clear_flags(results + g.first_world * g.steps + step_index, g.steps, lanes, 1);
-        set_flags(results + g.first_world * g.steps + step_index, g.steps, lanes & bits(mask));
-    };
-    Ints ends{};
-    Floats features[FEATURES], last_value{};
-    for (int step_index = 0; step_index <= g.steps; ++step_index) {
-        driving_features(run.acting, features);
-        if (step_index == g.steps) {
-            const Floats value = evaluate<FEATURES>(*r.value, features, Tanh{});
-            put(ends ? last_value : value, r.value_next, step_index - 1);
-            break;
-        }
-        Floats normal, unused; // a step takes one number, so that rollouts may be cut anywhere
-        noise.normal(all_ints(-1), normal, unused);
-        const Sampled sampled = sample_action(r, features, normal);
-        if (step_index > 0) {
-            put(ends ? last_value : sampled.value, r.value_next, step_index - 1);
-        }
-        store_rows<3>(features, r.observation + (g.first_world * g.steps + step_index) * FEATURES,
-                      static_cast<long>(g.steps) * FEATURES, lanes);
-        put(sampled.latent, r.latent, step_index);
-        put(sampled.log_probability, r.log_probability, step_index);
-        put(sampled.value, r.value_now, step_index);
-        run.action = sampled.action;
-        ends = step(g, run) & run.exists;
-        put(run.step_reward, r.reward, step_index);
-        put_flags(ends & run.collided, r.terminated, step_index);
-        put_flags(ends, r.cut, step_index);
-        if (any(ends)) {
-            last_value = evaluate<FEATURES>(*r.value, run.last_features, Tanh{});
-            begin(g, ends, all_ints(-1), run);
-            look_again(g, ends, run);
-        }
-    }
+    RolledOut worlds{g, run};
+    roll_out(*g.rollout, g.steps, g.first_world, used(g), noise, worlds);
     store(g, all_ints(-1), run);
-    for (int k = 0; k < 4; ++k) {
+    for (int k = 0; k < STREAM_WORDS; ++k) {
         lanes_at(g.state.random + (STREAM_WORDS + k) * g.padded + g.first_world) = noise.s[k];
     }
-    write_seen(g, lanes, run);
+    write_seen(g, used(g), run);
 }
 
 } // namespace

@@ -30,7 +30,8 @@ struct ClosedLoopArguments {
     float acceleration_scale;
     int vehicles, max_cycles;
     Task task;
-    int steps; // of a rollout
+    int steps;        // of a rollout
+    long first_world; // of the block
     int first_lane;
     int worlds;                 // of this block that exist
     const std::int32_t* listed; // the worlds to start, as many as lanes at most; pointers are then those of world 0

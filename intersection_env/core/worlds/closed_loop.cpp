@@ -63,30 +63,19 @@ ClosedLoopArguments ClosedLoop::arguments(long block, Task task) {
     g.vehicles = vehicles_;
     g.max_cycles = max_cycles_;
     g.task = task;
+    g.first_world = first;
     g.worlds = static_cast<int>(std::min<long>(WORLDS_PER_BLOCK, worlds_ - first));
     g.state = pointers_into<ClosedLoopState<Pointer>>(state_, first, vehicles_);
     g.buffers = pointers_into<ClosedLoopBuffers<Pointer>>(buffers, first, vehicles_);
     return g;
 }
 
-void ClosedLoop::run(Task task, const Rollout* whole, int steps) {
+void ClosedLoop::run(Task task, const Rollout* rollout, int steps) {
     std::atomic<bool> found = true;
     threads_.share(blocks_, [&](int block, int thread) {
         ClosedLoopArguments g = arguments(block, task);
-        Rollout part;
-        if (whole != nullptr) {
-            const long before = static_cast<long>(block) * WORLDS_PER_BLOCK * steps * vehicles_;
-            part = *whole;
-            part.observation += before * DRIVING_INPUTS;
-            for (float** results :
-                 {&part.latent, &part.log_probability, &part.value_now, &part.value_next, &part.reward}) {
-                *results += before;
-            }
-            part.terminated += before;
-            part.cut += before;
-            g.rollout = &part;
-            g.steps = steps;
-        }
+        g.rollout = rollout;
+        g.steps = steps;
         for (int lane = 0; lane < g.worlds; lane += kernel_.lanes) {
             g.first_lane = lane;
             if (!kernel_.run_closed_loop(g, *workspaces_[at(thread)])) {
