@@ -1,15 +1,13 @@
-// Starts, steps and rolls out replay worlds: in each lane one vehicle of a recorded scene acts, all others are
-// recorded.
-#include "kernel/kernel.hpp"
+// A step of replay worlds: in each lane one vehicle of a recorded scene acts, and sees the others where they were.
+#pragma once
+
 #include "kernel/step/drive.hpp"
 #include "kernel/worlds/results.hpp"
-#include "kernel/worlds/rollout.hpp"
 #include "kernel/worlds/world.hpp"
 
 namespace intersection_env::INTERSECTION_ENV_ISA {
-namespace {
 
-struct Replay {
+struct ReplayLanes {
     Slot acting, expert; // the vehicle that acts, and the recorded one at the same step
     Random random;
     Ints track, time, ended, exists;
@@ -19,35 +17,7 @@ struct Replay {
     Floats last_features[FEATURES];
 };
 
-template <class Number>
-using LanesPointer = LanesOf<Number>*;
-
-ReplayState<LanesPointer> state_of(Replay& run) {
-    return {.track = &run.track,
-            .time = &run.time,
-            .position = &run.acting.position,
-            .speed = &run.acting.speed,
-            .acceleration = &run.acting.acceleration,
-            .delta = &run.acting.delta,
-            .expert_delta = &run.expert.delta,
-            .ended = &run.ended,
-            .random = run.random.s};
-}
-
-// visit(lanes in memory, lanes of the run) for the whole state, the stream of sampled actions left out.
-template <class Visit>
-void for_each_row(const ReplayArguments& g, Replay& run, const Visit& visit) {
-    const ReplayState<LanesPointer> lanes = state_of(run);
-    ReplayState<Pointer>::for_each<ReplayState<LanesPointer>>([&](const auto& field, auto in_memory, auto in_run) {
-        for (long row = 0; row < (field.per == Per::word ? STREAM_WORDS : 1); ++row) {
-            visit(lanes_at(g.state.*in_memory + row * g.padded + g.first_world), (lanes.*in_run)[row]);
-        }
-    });
-}
-
-unsigned used(const ReplayArguments& g) { return used_lanes(g.worlds); }
-
-void load_track(const ReplayArguments& g, Replay& run) {
+inline void load_track(const ReplayArguments& g, ReplayLanes& run) {
     Floats row[TRACK_COLUMNS];
     load_rows<3>(g.recorded.tracks, run.track * TRACK_COLUMNS, row);
     for (Slot* slot : {&run.acting, &run.expert}) {
@@ -66,7 +36,7 @@ void load_track(const ReplayArguments& g, Replay& run) {
 }
 
 // The recorded vehicle at the present step.
-void load_expert(const ReplayArguments& g, Replay& run) {
+inline void load_expert(const ReplayArguments& g, ReplayLanes& run) {
     const Ints sample = run.first_sample + (run.time - run.first_step);
     Floats row[SAMPLE_COLUMNS];
     load_rows<1>(g.recorded.samples, sample * SAMPLE_COLUMNS, row);
@@ -75,17 +45,6 @@ void load_expert(const ReplayArguments& g, Replay& run) {
     for (int l = 0; l < WIDTH; ++l) {
         run.expert_acceleration[l] = g.recorded.acceleration[sample[l]];
     }
-}
-
-void load(const ReplayArguments& g, Replay& run) {
-    for_each_row(g, run, [](const auto& in_memory, auto& in_run) { in_run = in_memory; });
-    run.exists = lane_numbers() < g.worlds;
-    load_track(g, run);
-    run.acting.hold = run.expert.hold = all_ints(-1);
-}
-
-void store(const ReplayArguments& g, Ints changed, Replay& run) {
-    for_each_row(g, run, [&](auto& in_memory, const auto& in_run) { in_memory = changed ? in_run : in_memory; });
 }
 
 // A recorded vehicle beside the acting one; see COMPANION_COLUMNS.
@@ -99,7 +58,7 @@ struct Companion {
     Floats rear() const { return sample[0] - row[10]; }
 };
 
-Companion companion(const ReplayArguments& g, const Replay& run, int index) {
+inline Companion companion(const ReplayArguments& g, const ReplayLanes& run, int index) {
     Companion one;
     const Ints counts = index < run.companion_count;
     one.row_offset = (counts ? run.first_companion + index : run.first_companion) * COMPANION_COLUMNS;
@@ -111,7 +70,7 @@ Companion companion(const ReplayArguments& g, const Replay& run, int index) {
     return one;
 }
 
-void meet(const ReplayArguments& g, const Companion& other, Slot& own) {
+inline void meet(const ReplayArguments& g, const Companion& other, Slot& own) {
     const Floats ahead = other.position() - other.row[2] - own.position;
     const Ints entry = (own.rear < other.row[0]) & (other.rear() < other.row[0]);
     const Ints leads =
@@ -140,7 +99,7 @@ void meet(const ReplayArguments& g, const Companion& other, Slot& own) {
 }
 
 // Marks the lanes where the acting vehicle collides by its own fault.
-void touch(const ReplayArguments& g, const Companion& other, Replay& run) {
+inline void touch(const ReplayArguments& g, const Companion& other, ReplayLanes& run) {
     const Slot& own = run.acting;
     const Ints fault = as_ints(other.row[8]);
     const Ints at_fault = (fault == static_cast<int>(Fault::always)) |
@@ -166,7 +125,7 @@ void touch(const ReplayArguments& g, const Companion& other, Replay& run) {
 }
 
 // Observes and decides for both, from the memories before.
-void look(const ReplayArguments& g, Replay& run) {
+inline void look(const ReplayArguments& g, ReplayLanes& run) {
     observe_vehicle(g.tables, run.acting);
     observe_vehicle(g.tables, run.expert);
     locate(g.tables, run.acting);
@@ -188,14 +147,14 @@ void look(const ReplayArguments& g, Replay& run) {
     decide_vehicle(run.expert, all_ints(-1));
 }
 
-void remember(const ReplayArguments& g, Slot& slot) {
+inline void remember(const ReplayArguments& g, Slot& slot) {
     observe_vehicle(g.tables, slot);
     slot.delta = committed(slot);
 }
 
 // Begins an episode in the wanted lanes, with a given track where it is not negative; the memories are those of a
 // start.
-void begin(const ReplayArguments& g, Ints wanted, Ints given, Replay& run) {
+inline void begin(const ReplayArguments& g, Ints wanted, Ints given, ReplayLanes& run) {
     const Ints drawn = run.random.index(wanted, g.recorded.actor_count);
     const Floats where = run.random.uniform(wanted);
     for (unsigned lanes = bits(wanted); lanes != 0; lanes &= lanes - 1) {
@@ -221,7 +180,7 @@ void begin(const ReplayArguments& g, Ints wanted, Ints given, Replay& run) {
 }
 
 // What is now seen of new episodes; the decisions of lanes outside the mask stay.
-void look_again(const ReplayArguments& g, Ints decided, Replay& run) {
+inline void look_again(const ReplayArguments& g, Ints decided, ReplayLanes& run) {
     const Ints delta = run.acting.delta, expert_delta = run.expert.delta;
     look(g, run);
     run.acting.delta = decided ? run.acting.delta : delta;
@@ -229,7 +188,7 @@ void look_again(const ReplayArguments& g, Ints decided, Replay& run) {
 }
 
 // From actions to the new state, rewards and ends; returns the mask of episodes that end.
-Ints step(const ReplayArguments& g, Replay& run) {
+inline Ints step(const ReplayArguments& g, ReplayLanes& run) {
     Slot& acting = run.acting;
     acting.acceleration = advance(g.acceleration_scale * run.action, 0.0F, all_ints(-1), acting);
     run.left = acting.position >= acting.route_length;
@@ -253,123 +212,6 @@ Ints step(const ReplayArguments& g, Replay& run) {
         }
     }
     return run.collided | run.left | (run.time >= last);
-}
-
-void write_seen(const ReplayArguments& g, unsigned lanes, const Replay& run) {
-    Floats features[FEATURES];
-    driving_features(run.acting, features);
-    store_rows<3>(features, g.buffers.observation + g.first_world * FEATURES, FEATURES, lanes);
-    driving_features(run.expert, features);
-    store_rows<3>(features, g.buffers.expert_observation + g.first_world * FEATURES, FEATURES, lanes);
-    store_columns(&run.expert_acceleration, 1, g.buffers.expert_acceleration + g.first_world, 1, lanes);
-}
-
-void run_start(const ReplayArguments& g, Replay& run) {
-    Ints wanted{}, given = all_ints(-1);
-    for (int l = 0; l < WIDTH && l < g.worlds; ++l) {
-        wanted[l] = g.wanted[g.first_world + l] != 0 ? -1 : 0;
-        given[l] = g.given != nullptr ? g.given[g.first_world + l] : -1;
-    }
-    if (!any(wanted)) {
-        return;
-    }
-    load(g, run);
-    begin(g, wanted, given, run);
-    look_again(g, wanted, run);
-    store(g, wanted, run);
-    write_seen(g, used(g) & bits(wanted), run);
-}
-
-void run_step(const ReplayArguments& g, Replay& run) {
-    const unsigned lanes = used(g);
-    load(g, run);
-    const Ints ran = ~run.ended;
-    load_columns(g.buffers.action + g.first_world, 1, 1, lanes, &run.action);
-    const Ints ends = step(g, run);
-    const unsigned over = lanes & bits(ran & ends), blamed = over & bits(run.collided);
-    for (std::uint8_t* flags : {g.buffers.terminated, g.buffers.truncated}) {
-        clear_flags(flags + g.first_world, 1, lanes, 1);
-    }
-    set_flags(g.buffers.terminated + g.first_world, 1, blamed);
-    set_flags(g.buffers.truncated + g.first_world, 1, over & ~blamed);
-    if (over != 0) {
-        store_rows<3>(run.last_features, g.buffers.final_observation + g.first_world * FEATURES, FEATURES, over);
-    }
-    const Floats paid = ran ? run.step_reward : all(0.0F);
-    store_columns(&paid, 1, g.buffers.reward + g.first_world, 1, lanes);
-    run.ended |= ends;
-    store(g, ran, run);
-    write_seen(g, lanes & bits(ran), run);
-    if (over != 0) { // where it ended, the observation is the last one too, until the next start
-        store_rows<3>(run.last_features, g.buffers.observation + g.first_world * FEATURES, FEATURES, over);
-    }
-}
-
-void run_look(const ReplayArguments& g, Replay& run) {
-    load(g, run);
-    load_expert(g, run);
-    look_again(g, Ints{}, run);
-    write_seen(g, used(g), run);
-}
-
-// What a rollout asks of the worlds, in each of which one vehicle acts.
-struct RolledOut {
-    const ReplayArguments& g;
-    Replay& run;
-
-    static constexpr int vehicles() { return 1; }
-    void observe(int, Floats* features) const { driving_features(run.acting, features); }
-    void observe_last(int, Floats* features) const {
-        for (int f = 0; f < FEATURES; ++f) {
-            features[f] = run.last_features[f];
-        }
-    }
-    Floats* action() { return &run.action; }
-    const Floats* paid() const { return &run.step_reward; }
-    Ints step() { return INTERSECTION_ENV_ISA::step(g, run) & run.exists; }
-    Ints left(int) const { return Ints{}; } // it ends its world, and so is among those that end
-    Ints blamed(int) const { return run.collided; }
-    bool restart(Ints ended) {
-        begin(g, ended, all_ints(-1), run);
-        look_again(g, ended, run);
-        return true;
-    }
-};
-
-void run_rollout(const ReplayArguments& g, Replay& run) {
-    load(g, run);
-    load_expert(g, run);
-    look_again(g, Ints{}, run);
-    Random noise;
-    for (int k = 0; k < STREAM_WORDS; ++k) {
-        noise.s[k] = lanes_at(g.state.random + (STREAM_WORDS + k) * g.padded + g.first_world);
-    }
-    RolledOut worlds{g, run};
-    roll_out(*g.rollout, g.steps, g.first_world, used(g), noise, worlds);
-    store(g, all_ints(-1), run);
-    for (int k = 0; k < STREAM_WORDS; ++k) {
-        lanes_at(g.state.random + (STREAM_WORDS + k) * g.padded + g.first_world) = noise.s[k];
-    }
-    write_seen(g, used(g), run);
-}
-
-} // namespace
-
-Workspace* create_replay() { return reinterpret_cast<Workspace*>(new Replay()); }
-void destroy_replay(Workspace* workspace) { delete reinterpret_cast<Replay*>(workspace); }
-
-void run_replay(const ReplayArguments& g, Workspace& workspace) {
-    Replay& run = reinterpret_cast<Replay&>(workspace);
-    switch (g.task) {
-    case Task::start:
-        return run_start(g, run);
-    case Task::step:
-        return run_step(g, run);
-    case Task::look:
-        return run_look(g, run);
-    case Task::rollout:
-        return run_rollout(g, run);
-    }
 }
 
 } // namespace intersection_env::INTERSECTION_ENV_ISA

@@ -1,19 +1,12 @@
 // Starts, steps and rolls out a block of closed-loop worlds.
 #include "kernel/kernel.hpp"
-#include "kernel/step/drive.hpp"
+#include "kernel/worlds/closed_loop_step.hpp"
 #include "kernel/worlds/results.hpp"
 #include "kernel/worlds/rollout.hpp"
 #include "kernel/worlds/start.hpp"
-#include "kernel/worlds/world.hpp"
 
 namespace intersection_env::INTERSECTION_ENV_ISA {
 namespace {
-
-struct ClosedLoop {
-    World world, trial;
-    Floats action[MAX_VEHICLES], step_reward[MAX_VEHICLES];
-    Floats last_features[MAX_VEHICLES][FEATURES]; // of a vehicle that left
-};
 
 // The row-th row of lanes of a block's field.
 template <class Number>
@@ -64,89 +57,7 @@ void write_observation(const ClosedLoopArguments& g, const World& world, unsigne
     }
 }
 
-// A vehicle that has left, alone at the end of its route: its last features, and what it is paid.
-void take_leave(const Tables& tables, ClosedLoop& run, int i) {
-    Slot gone = run.world.slots[i];
-    observe_vehicle(tables, gone);
-    gone.delta = all_ints(-1);
-    driving_features(gone, run.last_features[i]);
-    run.step_reward[i] = reward(gone, gone.acceleration, Ints{});
-}
-
-void reinsert(const Tables& tables, int count, ClosedLoop& run, int i) {
-    World& world = run.world;
-    Slot& slot = world.slots[i];
-    const Ints left = slot.left;
-    const Ints route = world.random.index(left, tables.route_count);
-    slot.route = left ? route : slot.route;
-    draw_size(left, world.random, slot);
-    load_route(tables, slot);
-    slot.position = left ? all(0.0F) : slot.position;
-    slot.delta = left ? Ints{} : slot.delta;
-    slot.hold = left ? all_ints(-1) : slot.hold;
-    observe_vehicle(tables, slot);
-    for (int j = 0; j < count; ++j) {
-        const Slot& other = world.slots[j];
-        const Floats rear = other.position - other.half_length, front = other.position + other.half_length;
-        const Relation r = relation(tables, slot, other);
-        const Floats ahead = other.position - r.offset - slot.position;
-        const Ints there = ((slot.rear < r.split) & (rear < r.split)) | (r.merging & (front > r.other_end));
-        const Ints counts = j == i ? Ints{} : (j < i ? all_ints(-1) : ~run.world.slots[j].left);
-        follow(slot, counts & there & (ahead > 0.0F), ahead - (slot.half_length + other.half_length), other.speed,
-               all_ints(-1));
-    }
-    const Ints waits = slot.delta;
-    slot.delta = all_ints(-1); // the stop line is far
-    const Floats speed = drawn_speed(left, world.random, slot);
-    slot.delta = waits;
-    slot.speed = left ? speed : slot.speed;
-}
-
-// From actions to the new state, rewards and ends. Returns the mask of worlds that end.
-template <Gap GAP>
-Ints step(const ClosedLoopArguments& g, ClosedLoop& run) {
-    World& world = run.world;
-    const int count = g.vehicles;
-    Ints any_left{};
-    for (int i = 0; i < count; ++i) {
-        Slot& slot = world.slots[i];
-        slot.acceleration = advance(g.acceleration_scale * run.action[i], -UNBOUNDED, all_ints(-1), slot);
-        slot.left = (slot.position >= slot.route_length) | (slot.position < 0.0F);
-        any_left |= slot.left;
-    }
-    if (any(any_left)) {
-        for (int i = 0; i < count; ++i) {
-            if (any(world.slots[i].left)) {
-                take_leave(g.tables, run, i);
-                reinsert(g.tables, count, run, i);
-            }
-        }
-    }
-    for (int i = 0; i < count; ++i) {
-        observe_vehicle(g.tables, world.slots[i]);
-        locate(g.tables, world.slots[i]);
-    }
-    decide<GAP>(g.tables, g.gap_network, count, true, world);
-    world.cycle += 1;
-    Ints ends = world.collided | (world.cycle >= g.max_cycles);
-    for (int i = 0; i < count; ++i) {
-        const Slot& slot = world.slots[i];
-        const Floats paid = reward(slot, slot.acceleration, slot.blamed);
-        run.step_reward[i] = slot.left ? run.step_reward[i] : paid;
-        ends |= slot.left & (trespass(slot) > TOLERANCE);
-    }
-    return ends;
-}
-
-// The features that a cut vehicle saw last.
-void final_features(const ClosedLoop& run, int i, Floats* features) {
-    driving_features(run.world.slots[i], features);
-    for (int f = 0; f < FEATURES; ++f) {
-        features[f] = run.world.slots[i].left ? run.last_features[i][f] : features[f];
-    }
-}
-
-void write_results(const ClosedLoopArguments& g, ClosedLoop& run, Ints ran, Ints ends) {
+void write_results(const ClosedLoopArguments& g, ClosedLoopLanes& run, Ints ran, Ints ends) {
     const unsigned wanted = used(g), written = wanted & bits(ran), ended = written & bits(ends);
     const long stride = g.vehicles;
     for (std::uint8_t* flags : {g.buffers.terminated, g.buffers.truncated, g.buffers.reinserted}) {
@@ -206,7 +117,7 @@ void store_lane(const ClosedLoopArguments& g, const World& world, int lane, long
 
 // New starts for listed worlds, a row of lanes at a time.
 template <Gap GAP>
-bool run_start(const ClosedLoopArguments& g, ClosedLoop& run) {
+bool run_start(const ClosedLoopArguments& g, ClosedLoopLanes& run) {
     World& world = run.world;
     const Ints wanted = lane_numbers() < g.listed_count;
     for (int l = 0; l < WIDTH; ++l) {
@@ -237,7 +148,7 @@ bool run_start(const ClosedLoopArguments& g, ClosedLoop& run) {
 }
 
 template <Gap GAP>
-void run_step(const ClosedLoopArguments& g, ClosedLoop& run) {
+void run_step(const ClosedLoopArguments& g, ClosedLoopLanes& run) {
     const unsigned lanes = used(g);
     Ints& ended = row_at(g.state.ended, g, 0);
     const Ints ran = ~ended;
@@ -254,7 +165,7 @@ void run_step(const ClosedLoopArguments& g, ClosedLoop& run) {
 template <Gap GAP>
 struct RolledOut {
     const ClosedLoopArguments& g;
-    ClosedLoop& run;
+    ClosedLoopLanes& run;
 
     int vehicles() const { return g.vehicles; }
     void observe(int i, Floats* features) const { driving_features(run.world.slots[i], features); }
@@ -268,7 +179,7 @@ struct RolledOut {
 };
 
 template <Gap GAP>
-bool run_rollout(const ClosedLoopArguments& g, ClosedLoop& run) {
+bool run_rollout(const ClosedLoopArguments& g, ClosedLoopLanes& run) {
     load(g, run.world);
     look<GAP>(g, run.world);
     Random noise;
@@ -288,7 +199,7 @@ bool run_rollout(const ClosedLoopArguments& g, ClosedLoop& run) {
 }
 
 template <Gap GAP>
-bool run_task(const ClosedLoopArguments& g, ClosedLoop& run) {
+bool run_task(const ClosedLoopArguments& g, ClosedLoopLanes& run) {
     switch (g.task) {
     case Task::start:
         return run_start<GAP>(g, run);
@@ -307,11 +218,11 @@ bool run_task(const ClosedLoopArguments& g, ClosedLoop& run) {
 
 } // namespace
 
-Workspace* create_closed_loop() { return reinterpret_cast<Workspace*>(new ClosedLoop()); }
-void destroy_closed_loop(Workspace* workspace) { delete reinterpret_cast<ClosedLoop*>(workspace); }
+Workspace* create_closed_loop() { return reinterpret_cast<Workspace*>(new ClosedLoopLanes()); }
+void destroy_closed_loop(Workspace* workspace) { delete reinterpret_cast<ClosedLoopLanes*>(workspace); }
 
 bool run_closed_loop(const ClosedLoopArguments& g, Workspace& workspace) {
-    ClosedLoop& run = reinterpret_cast<ClosedLoop&>(workspace);
+    ClosedLoopLanes& run = reinterpret_cast<ClosedLoopLanes&>(workspace);
     switch (g.gap) {
     case Gap::critical_gap:
         return run_task<Gap::critical_gap>(g, run);
