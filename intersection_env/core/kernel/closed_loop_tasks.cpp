@@ -21,7 +21,7 @@ void load(const ClosedLoopArguments& g, World& world) {
         Slot& slot = world.slots[i];
         ClosedLoopState<Pointer>::for_each_of_vehicles<Slot>(
             [&](const auto&, auto field, auto in_slot) { slot.*in_slot = row_at(g.state.*field, g, i); });
-        load_route(g.tables, slot);
+        load_route(g.map, slot);
     }
     for (int k = 0; k < STREAM_WORDS; ++k) {
         world.random.s[k] = row_at(g.state.random, g, k);
@@ -90,9 +90,9 @@ void look(const ClosedLoopArguments& g, World& world) {
     for (int i = 0; i < g.vehicles; ++i) {
         delta[i] = world.slots[i].delta;
         hold[i] = world.slots[i].hold;
-        observe_vehicle(g.tables, world.slots[i]);
+        observe_vehicle(g.map, world.slots[i]);
     }
-    decide<GAP>(g.tables, g.gap_network, g.vehicles, false, world);
+    decide<GAP>(g.map, g.gap_network, g.vehicles, false, world);
     for (int i = 0; i < g.vehicles; ++i) {
         world.slots[i].delta = delta[i];
         world.slots[i].hold = hold[i];
@@ -127,7 +127,7 @@ bool run_start(const ClosedLoopArguments& g, ClosedLoopLanes& run) {
                                                   k * WORLDS_PER_BLOCK + index % WORLDS_PER_BLOCK];
         }
     }
-    if (!start<GAP>(g.tables, g.gap_network, g.vehicles, wanted, world, run.trial)) {
+    if (!start<GAP>(g.map, g.gap_network, g.vehicles, wanted, world, run.trial)) {
         return false;
     }
     if (g.desynchronise) {
@@ -175,7 +175,7 @@ struct RolledOut {
     Ints step() { return INTERSECTION_ENV_ISA::step<GAP>(g, run) & run.world.exists; }
     Ints left(int i) const { return run.world.slots[i].left; }
     Ints blamed(int i) const { return run.world.slots[i].blamed; }
-    bool restart(Ints ended) { return start<GAP>(g.tables, g.gap_network, g.vehicles, ended, run.world, run.trial); }
+    bool restart(Ints ended) { return start<GAP>(g.map, g.gap_network, g.vehicles, ended, run.world, run.trial); }
 };
 
 template <Gap GAP>

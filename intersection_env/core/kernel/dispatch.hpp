@@ -9,21 +9,22 @@
 
 namespace intersection_env {
 
-// The memory of one block; opaque, made and freed by the kernel that uses it.
+// The memory of one row of lanes; opaque, made and freed by the kernel that uses it.
 struct Workspace;
 
 struct Kernel {
     const char* name;
     int lanes;
-    Workspace* (*create_prediction)();
-    void (*destroy_prediction)(Workspace*);
-    void (*predict)(const Problem&, const BlockArguments&, Workspace&);
+    // A block of scenarios: one to a lane.
+    Workspace* (*create_scenario_block)();
+    void (*destroy_scenario_block)(Workspace*);
+    void (*predict_scenario_block)(const Problem&, const ScenarioArguments&, Workspace&);
     void (*observe)(const Problem&, const ObservationArguments&, Workspace&);
     // One scenario, lanes over its vehicles: what a rest of fewer than worth_a_block scenarios is predicted with.
     int worth_a_block;
-    Workspace* (*create_single)();
-    void (*destroy_single)(Workspace*);
-    void (*predict_single)(const Problem&, const BlockArguments&, Workspace&);
+    Workspace* (*create_one_scenario)();
+    void (*destroy_one_scenario)(Workspace*);
+    void (*predict_one_scenario)(const Problem&, const ScenarioArguments&, Workspace&);
     // out: (rows,) the network's output before its last activation; in: (rows, inputs).
     void (*evaluate_gap)(const GapNetwork&, const float* in, long rows, float* out);
     void (*evaluate_driving)(const DrivingNetwork&, const float* in, long rows, float* out);

@@ -21,7 +21,7 @@ struct VehicleRow : VehicleLanes {
     Floats top_speed() const { return max_speed; }
 };
 
-struct Single {
+struct OneScenario {
     VehicleRow rows[MAX_ROWS];
     int count;                                                   // of rows
     Floats position[MAX_ROWS], speed[MAX_ROWS], v_max[MAX_ROWS]; // to pick from; who is absent stands far away
@@ -32,7 +32,7 @@ struct Single {
     Circles<Floats> circles[MAX_ROWS];
 };
 
-void start(const LaneProblem& p, Single& run) {
+void start(const LaneProblem& p, OneScenario& run) {
     run.count = (p.vehicles + WIDTH - 1) / WIDTH;
     for (int r = 0; r < run.count; ++r) {
         VehicleRow& row = run.rows[r];
@@ -53,7 +53,7 @@ void start(const LaneProblem& p, Single& run) {
     }
 }
 
-void publish(Single& run) {
+void publish(OneScenario& run) {
     for (int r = 0; r < run.count; ++r) {
         const VehicleRow& row = run.rows[r];
         run.position[r] = row.present ? row.position : all(FAR);
@@ -62,7 +62,7 @@ void publish(Single& run) {
     }
 }
 
-void observe(const Problem& problem, Single& run) {
+void observe(const Problem& problem, OneScenario& run) {
     const LaneProblem& p = problem.lanes;
     for (int r = 0; r < run.count; ++r) {
         VehicleRow& row = run.rows[r];
@@ -102,7 +102,7 @@ Ints row_of(std::uint64_t vehicles, int row) {
 }
 
 // The pairs from `first` on, a row of them.
-void decide_pairs(const Problem& problem, const std::int32_t* assignments, long first, Single& run) {
+void decide_pairs(const Problem& problem, const std::int32_t* assignments, long first, OneScenario& run) {
     const LaneProblem& p = problem.lanes;
     const Ints i = lanes_at(p.yielder + first), j = lanes_at(p.prioritized + first);
     const Ints assignment = lanes_at(assignments + first), swapped = assignment > 0;
@@ -146,7 +146,7 @@ void decide_pairs(const Problem& problem, const std::int32_t* assignments, long 
     }
 }
 
-void locate(const Problem& problem, Single& run) {
+void locate(const Problem& problem, OneScenario& run) {
     for (int r = 0; r < run.count; ++r) {
         const VehicleRow& row = run.rows[r];
         Floats pose[4], cosine, sine;
@@ -158,7 +158,7 @@ void locate(const Problem& problem, Single& run) {
 }
 
 // The smallest distance between vehicles that can touch.
-float smallest_distance(const Problem& problem, Single& run, float so_far) {
+float smallest_distance(const Problem& problem, OneScenario& run, float so_far) {
     locate(problem, run);
     const float* position = reinterpret_cast<const float*>(run.position);
     const auto of = [&](int vehicle) {
@@ -187,7 +187,7 @@ void store(Value* out, long row, int count, Lanes values) {
     }
 }
 
-void store_state(const Trajectories& t, int count, int step, const Single& run) {
+void store_state(const Trajectories& t, int count, int step, const OneScenario& run) {
     for (int r = 0; r < run.count; ++r) {
         const VehicleRow& row = run.rows[r];
         store(t.position + static_cast<long>(step) * count, r, count, row.position);
@@ -197,7 +197,7 @@ void store_state(const Trajectories& t, int count, int step, const Single& run) 
 }
 
 // Drives and moves the row; to: where the action goes, by step.
-void move(const Problem& problem, float inverse_root, const Trajectories& t, int step, int r, Single& run) {
+void move(const Problem& problem, float inverse_root, const Trajectories& t, int step, int r, OneScenario& run) {
     VehicleRow& row = run.rows[r];
     const int count = problem.vehicle_count;
     const Floats acceleration = drive(problem, inverse_root, row);
@@ -212,7 +212,7 @@ void move(const Problem& problem, float inverse_root, const Trajectories& t, int
     }
 }
 
-void replay_decisions(const std::uint8_t* decisions, int count, int step, Single& run) {
+void replay_decisions(const std::uint8_t* decisions, int count, int step, OneScenario& run) {
     for (int i = 0; i < count; ++i) {
         run.rows[i / WIDTH].delta[i % WIDTH] = decisions[static_cast<long>(step) * count + i] != 0 ? -1 : 0;
     }
@@ -220,8 +220,8 @@ void replay_decisions(const std::uint8_t* decisions, int count, int step, Single
 
 } // namespace
 
-void predict_single(const Problem& problem, const BlockArguments& arguments, Workspace& workspace) {
-    Single& run = reinterpret_cast<Single&>(workspace);
+void predict_one_scenario(const Problem& problem, const ScenarioArguments& arguments, Workspace& workspace) {
+    OneScenario& run = reinterpret_cast<OneScenario&>(workspace);
     const LaneProblem& p = problem.lanes;
     const Trajectories& t = arguments.trajectories;
     const int count = problem.vehicle_count;
@@ -271,7 +271,7 @@ void predict_single(const Problem& problem, const BlockArguments& arguments, Wor
     }
 }
 
-Workspace* create_single() { return reinterpret_cast<Workspace*>(new Single()); }
-void destroy_single(Workspace* workspace) { delete reinterpret_cast<Single*>(workspace); }
+Workspace* create_one_scenario() { return reinterpret_cast<Workspace*>(new OneScenario()); }
+void destroy_one_scenario(Workspace* workspace) { delete reinterpret_cast<OneScenario*>(workspace); }
 
 } // namespace intersection_env::INTERSECTION_ENV_ISA

@@ -1,5 +1,4 @@
-// One block of scenarios over the whole horizon. Compiled once per instruction set; nothing in this folder may call
-// an inline function of the standard library, whose one copy could come from the wrong instruction set.
+// One block of scenarios over the whole horizon: a scenario in each lane.
 #include "kernel/kernel.hpp"
 #include "kernel/step/decide.hpp"
 #include "kernel/step/drive.hpp"
@@ -16,12 +15,12 @@ struct PredictedVehicle : VehicleLanes {
     Ints refused_by_assignment; // mask, from the pairs
 };
 
-struct Block {
+struct ScenarioBlock {
     PredictedVehicle vehicles[MAX_VEHICLES];
     Ints assignments[MAX_PAIRS];
 };
 
-void start(const Problem& problem, const BlockArguments& arguments, Block& block) {
+void start(const Problem& problem, const ScenarioArguments& arguments, ScenarioBlock& block) {
     const int count = problem.vehicle_count, pairs = problem.pair_count;
     for (int i = 0; i < count; ++i) {
         const ProblemVehicle& known = problem.vehicles[i];
@@ -43,7 +42,7 @@ void start(const Problem& problem, const BlockArguments& arguments, Block& block
 }
 
 // Needs observe_road of every vehicle first.
-void observe_lead(const Problem& problem, Block& block, int i) {
+void observe_lead(const Problem& problem, ScenarioBlock& block, int i) {
     PredictedVehicle& ego = block.vehicles[i];
     forget_lead(ego);
     const ProblemVehicle& known = problem.vehicles[i];
@@ -62,13 +61,13 @@ void observe_lead(const Problem& problem, Block& block, int i) {
     }
 }
 
-Encounter encounter(const ProblemPair& pair, const Block& block) {
+Encounter encounter(const ProblemPair& pair, const ScenarioBlock& block) {
     return encounter(block.vehicles[pair.yielder], all(pair.yielder_end), block.vehicles[pair.prioritized],
                      all(pair.prioritized_end), all_ints(pair.merging ? -1 : 0));
 }
 
 // Assigned priorities first, then the rule or the gap network.
-void decide_pair(const Problem& problem, const ProblemPair& pair, Ints assignment, Block& block) {
+void decide_pair(const Problem& problem, const ProblemPair& pair, Ints assignment, ScenarioBlock& block) {
     PredictedVehicle &i = block.vehicles[pair.yielder], &j = block.vehicles[pair.prioritized];
     const Ints swapped = assignment > 0;
     const Ints second_is_yielder = (i.rear < pair.yielder_end) & (j.position < pair.prioritized_end);
@@ -88,7 +87,7 @@ void decide_pair(const Problem& problem, const ProblemPair& pair, Ints assignmen
     j.refused_by_assignment |= assigned_to_j;
 }
 
-void observe_and_decide(const Problem& problem, bool headings, Block& block) {
+void observe_and_decide(const Problem& problem, bool headings, ScenarioBlock& block) {
     const int count = problem.vehicle_count;
     for (int i = 0; i < count; ++i) {
         const ProblemVehicle& known = problem.vehicles[i];
@@ -111,7 +110,7 @@ void observe_and_decide(const Problem& problem, bool headings, Block& block) {
     }
 }
 
-Floats smallest_distance(const Problem& problem, const Block& block, Floats so_far) {
+Floats smallest_distance(const Problem& problem, const ScenarioBlock& block, Floats so_far) {
     Circles<Floats> bodies[MAX_VEHICLES];
     for (int i = 0; i < problem.vehicle_count; ++i) {
         bodies[i] = circles(problem, problem.vehicles[i], block.vehicles[i]);
@@ -132,7 +131,7 @@ Floats advance(const ProblemVehicle& known, Floats acceleration, PredictedVehicl
     return applied;
 }
 
-void replay_decisions(const BlockArguments& arguments, int count, int step, Block& block) {
+void replay_decisions(const ScenarioArguments& arguments, int count, int step, ScenarioBlock& block) {
     for (int i = 0; i < count; ++i) {
         for (int l = 0; l < arguments.scenarios; ++l) {
             const long at = (static_cast<long>(l) * STEPS + step) * count + i;
@@ -142,19 +141,19 @@ void replay_decisions(const BlockArguments& arguments, int count, int step, Bloc
 }
 
 template <class Value, class Lanes>
-void store(Value* out, const BlockArguments& arguments, long count, long time, long vehicle, Lanes values) {
+void store(Value* out, const ScenarioArguments& arguments, long count, long time, long vehicle, Lanes values) {
     for (int l = 0; l < arguments.scenarios; ++l) {
         out[(static_cast<long>(l) * (STEPS + 1) + time) * count + vehicle] = static_cast<Value>(values[l]);
     }
 }
 
-void store_state(const BlockArguments& arguments, long count, long time, long i, const PredictedVehicle& vehicle) {
+void store_state(const ScenarioArguments& arguments, long count, long time, long i, const PredictedVehicle& vehicle) {
     store(arguments.trajectories.position, arguments, count, time, i, vehicle.position);
     store(arguments.trajectories.speed, arguments, count, time, i, vehicle.speed);
     store(arguments.trajectories.present, arguments, count, time, i, vehicle.present & 1);
 }
 
-void store_action(const BlockArguments& arguments, long count, long time, long i, const PredictedVehicle& vehicle,
+void store_action(const ScenarioArguments& arguments, long count, long time, long i, const PredictedVehicle& vehicle,
                   Floats acceleration) {
     store(arguments.trajectories.acceleration, arguments, count, time, i, acceleration);
     store(arguments.trajectories.enters, arguments, count, time, i, vehicle.delta & 1);
@@ -162,8 +161,8 @@ void store_action(const BlockArguments& arguments, long count, long time, long i
 
 } // namespace
 
-void predict(const Problem& problem, const BlockArguments& arguments, Workspace& workspace) {
-    Block& block = reinterpret_cast<Block&>(workspace);
+void predict_scenario_block(const Problem& problem, const ScenarioArguments& arguments, Workspace& workspace) {
+    ScenarioBlock& block = reinterpret_cast<ScenarioBlock&>(workspace);
     const int count = problem.vehicle_count;
     const bool wants_trajectories = arguments.trajectories.position != nullptr;
     const IdmParameters& p = problem.idm;
@@ -211,7 +210,7 @@ void predict(const Problem& problem, const BlockArguments& arguments, Workspace&
 }
 
 void observe(const Problem& problem, const ObservationArguments& arguments, Workspace& workspace) {
-    Block& block = reinterpret_cast<Block&>(workspace);
+    ScenarioBlock& block = reinterpret_cast<ScenarioBlock&>(workspace);
     start(problem, {}, block);
     observe_and_decide(problem, true, block);
     for (int i = 0; i < problem.vehicle_count; ++i) {
@@ -232,7 +231,7 @@ void observe(const Problem& problem, const ObservationArguments& arguments, Work
     }
 }
 
-Workspace* create_prediction() { return reinterpret_cast<Workspace*>(new Block); }
-void destroy_prediction(Workspace* workspace) { delete reinterpret_cast<Block*>(workspace); }
+Workspace* create_scenario_block() { return reinterpret_cast<Workspace*>(new ScenarioBlock); }
+void destroy_scenario_block(Workspace* workspace) { delete reinterpret_cast<ScenarioBlock*>(workspace); }
 
 } // namespace intersection_env::INTERSECTION_ENV_ISA

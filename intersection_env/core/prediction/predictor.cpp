@@ -28,7 +28,7 @@ struct Batch {
     int scenarios;
 
     // `count` scenarios from `first` on.
-    BlockArguments part(int first, int count) const {
+    ScenarioArguments part(int first, int count) const {
         const std::size_t vehicles = at(problem.vehicle_count), frames = at(first) * (STEPS + 1) * vehicles;
         const auto from = [frames](auto* values) { return values == nullptr ? nullptr : values + frames; };
         const Trajectories& t = results.trajectories;
@@ -53,7 +53,7 @@ struct Predictor::Bound {
 
 struct Predictor::Workspaces {
     const Kernel* kernel = nullptr; // whose these are
-    Workspace *block = nullptr, *single = nullptr;
+    Workspace *block = nullptr, *one = nullptr;
 
     Workspaces() = default;
     Workspaces(const Workspaces&) = delete;
@@ -63,16 +63,16 @@ struct Predictor::Workspaces {
     void serve(const Kernel& wanted) {
         if (kernel != &wanted) {
             release();
-            block = wanted.create_prediction();
-            single = wanted.create_single();
+            block = wanted.create_scenario_block();
+            one = wanted.create_one_scenario();
             kernel = &wanted;
         }
     }
 
     void release() {
         if (kernel != nullptr) {
-            kernel->destroy_prediction(block);
-            kernel->destroy_single(single);
+            kernel->destroy_scenario_block(block);
+            kernel->destroy_one_scenario(one);
         }
         kernel = nullptr;
     }
@@ -82,11 +82,11 @@ struct Predictor::Workspaces {
         const int first = block_index * kernel->lanes;
         const int count = std::min(kernel->lanes, batch.scenarios - first);
         if (count >= kernel->worth_a_block) {
-            kernel->predict(batch.problem, batch.part(first, count), *block);
+            kernel->predict_scenario_block(batch.problem, batch.part(first, count), *block);
             return;
         }
         for (int s = first; s < first + count; ++s) {
-            kernel->predict_single(batch.problem, batch.part(s, 1), *single);
+            kernel->predict_one_scenario(batch.problem, batch.part(s, 1), *one);
         }
     }
 };

@@ -61,14 +61,14 @@ std::vector<float> pair_row(const Map& map, int own, int other) {
 
 } // namespace
 
-MapTables::MapTables(std::shared_ptr<const Map> map) : map_(std::move(map)), rows_(*map_) {
+MapTables::MapTables(std::shared_ptr<const Map> map) : map_(std::move(map)), route_tables_(*map_) {
     const int count = static_cast<int>(map_->routes.size());
     if (count > MAX_ROUTES) {
         throw std::invalid_argument("map \"" + map_->name + "\" has " + std::to_string(count) +
                                     " routes; worlds take at most " + std::to_string(MAX_ROUTES));
     }
     for (int route = 0; route < count; ++route) {
-        const std::vector<float> row = route_row(*map_, route, rows_.first_row[at(route)]);
+        const std::vector<float> row = route_row(*map_, route, route_tables_.first_row[at(route)]);
         routes_.insert(routes_.end(), row.begin(), row.end());
         const std::vector<Sample>& samples = map_->routes[at(route)].samples;
         for (std::size_t k = 0; k < samples.size(); ++k) {
@@ -82,10 +82,9 @@ MapTables::MapTables(std::shared_ptr<const Map> map) : map_(std::move(map)), row
     }
 }
 
-Tables MapTables::tables() const {
-    return {map_.get(),          rows_.observed.data(), points_.data(),
-            routes_.data(),      pairs_.data(),         static_cast<int>(map_->routes.size()),
-            1.0F / map_->spacing};
+MapRows MapTables::rows() const {
+    return {map_.get(),    route_tables_.observed.data(),         points_.data(),      routes_.data(),
+            pairs_.data(), static_cast<int>(map_->routes.size()), 1.0F / map_->spacing};
 }
 
 } // namespace intersection_env

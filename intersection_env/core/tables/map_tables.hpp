@@ -20,8 +20,8 @@ constexpr int PAIR_COLUMNS = 4; // what two routes are to each other, in one qua
 constexpr float SHARED_ENTRY = 3.0F;
 
 // Pointers only, as the kernel wants it.
-struct Tables {
-    const Map* map;
+struct MapRows {
+    const Map* whole;
     const float* observed; // (row, OBSERVED_COLUMNS)
     const float* points;   // (row, 4): x, y, and how much they grow to the next row
     const float* routes;   // (route, ROUTE_COLUMNS)
@@ -30,18 +30,18 @@ struct Tables {
     float inverse_spacing;
 };
 
-// Owns what Tables points to.
+// Owns what MapRows points to.
 class MapTables {
   public:
     // Throws std::invalid_argument for a map of more than MAX_ROUTES routes, or with a merge that is no conflict.
     explicit MapTables(std::shared_ptr<const Map> map);
 
     const Map& map() const { return *map_; }
-    Tables tables() const;
+    MapRows rows() const;
 
   private:
     std::shared_ptr<const Map> map_;
-    RouteTables rows_;
+    RouteTables route_tables_;
     std::vector<float> points_, routes_, pairs_;
 };
 

@@ -91,7 +91,7 @@ struct Trajectories {
     std::uint8_t *enters, *present;
 };
 
-struct BlockArguments {
+struct ScenarioArguments {
     const std::int8_t* assignments; // (scenario, pair)
     const std::uint8_t* decisions;  // (scenario, step, vehicle) to replay, or null
     int scenarios;                  // at most the lanes of the instruction set

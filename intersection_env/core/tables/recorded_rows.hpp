@@ -17,7 +17,7 @@ constexpr int COMPANION_COLUMNS = 16;
 // When a collision with a companion is the acting vehicle's fault.
 enum class Fault : std::uint8_t { never, always, before_own_end, past_other_end };
 
-struct RecordedTables {
+struct RecordedRows {
     const float *tracks, *samples, *companions, *acceleration;
     const std::int32_t* actors;
     int actor_count;

@@ -24,7 +24,7 @@ enum class Task : std::uint8_t { start, step, look, rollout };
 // One block of closed-loop worlds. State: (vehicle, WORLDS_PER_BLOCK), or (WORLDS_PER_BLOCK,), (8, WORLDS_PER_BLOCK)
 // for the streams; buffers from the block's first world on.
 struct ClosedLoopArguments {
-    Tables tables;
+    MapRows map;
     Gap gap;
     const GapNetwork* gap_network;
     float acceleration_scale;
@@ -45,8 +45,8 @@ struct ClosedLoopArguments {
 
 // Replay worlds from `first_world` on, as many as lanes at most. Arrays are (world,) unless said otherwise.
 struct ReplayArguments {
-    Tables tables;
-    RecordedTables recorded;
+    MapRows map;
+    RecordedRows recorded;
     bool recording; // gap decisions from the recorded order
     Gap gap;
     const GapNetwork* gap_network;

@@ -56,7 +56,7 @@ ClosedLoop::~ClosedLoop() {
 ClosedLoopArguments ClosedLoop::arguments(long block, Task task) {
     ClosedLoopArguments g{};
     const long first = block * WORLDS_PER_BLOCK;
-    g.tables = tables_.tables();
+    g.map = tables_.rows();
     g.gap = policy_.gap;
     g.gap_network = policy_.gap_network ? &*policy_.gap_network : nullptr;
     g.acceleration_scale = policy_.acceleration_scale;

@@ -44,7 +44,7 @@ int Recorded::end_step(int track) const {
            static_cast<int>(scenes_.track_samples[at(track) + 1] - scenes_.track_samples[at(track)]);
 }
 
-RecordedTables Recorded::tables() const {
+RecordedRows Recorded::rows() const {
     return {track_rows_.data(),   sample_rows_.data(), companion_rows_.data(),
             acceleration_.data(), actors_.data(),      static_cast<int>(actors_.size())};
 }

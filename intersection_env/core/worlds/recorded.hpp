@@ -27,7 +27,7 @@ class Recorded {
     // Throws std::invalid_argument for arrays that contradict each other or the map.
     Recorded(const Map& map, RecordedScenes scenes, std::vector<std::int32_t> actors, bool recording);
 
-    RecordedTables tables() const;
+    RecordedRows rows() const;
     const RecordedScenes& scenes() const { return scenes_; }
     int scene_of(int track) const { return scene_[static_cast<std::size_t>(track)]; }
     int first_step(int track) const { return scenes_.start[static_cast<std::size_t>(track)]; }

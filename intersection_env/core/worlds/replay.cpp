@@ -42,8 +42,8 @@ Replay::~Replay() {
 void Replay::run(Task task, const std::uint8_t* wanted, const std::int32_t* given, bool desynchronise,
                  const Rollout* rollout, int steps) {
     ReplayArguments shared{};
-    shared.tables = tables_.tables();
-    shared.recorded = recorded_.tables();
+    shared.map = tables_.rows();
+    shared.recorded = recorded_.rows();
     shared.recording = recording_;
     shared.gap = policy_.gap;
     shared.gap_network = policy_.gap_network ? &*policy_.gap_network : nullptr;

@@ -14,30 +14,30 @@ struct ClosedLoopLanes {
 };
 
 // A vehicle that has left, alone at the end of its route: its last features, and what it is paid.
-inline void take_leave(const Tables& tables, ClosedLoopLanes& run, int i) {
+inline void take_leave(const MapRows& map, ClosedLoopLanes& run, int i) {
     Slot gone = run.world.slots[i];
-    observe_vehicle(tables, gone);
+    observe_vehicle(map, gone);
     gone.delta = all_ints(-1);
     driving_features(gone, run.last_features[i]);
     run.step_reward[i] = reward(gone, gone.acceleration, Ints{});
 }
 
-inline void reinsert(const Tables& tables, int count, ClosedLoopLanes& run, int i) {
+inline void reinsert(const MapRows& map, int count, ClosedLoopLanes& run, int i) {
     World& world = run.world;
     Slot& slot = world.slots[i];
     const Ints left = slot.left;
-    const Ints route = world.random.index(left, tables.route_count);
+    const Ints route = world.random.index(left, map.route_count);
     slot.route = left ? route : slot.route;
     draw_size(left, world.random, slot);
-    load_route(tables, slot);
+    load_route(map, slot);
     slot.position = left ? all(0.0F) : slot.position;
     slot.delta = left ? Ints{} : slot.delta;
     slot.hold = left ? all_ints(-1) : slot.hold;
-    observe_vehicle(tables, slot);
+    observe_vehicle(map, slot);
     for (int j = 0; j < count; ++j) {
         const Slot& other = world.slots[j];
         const Floats rear = other.position - other.half_length, front = other.position + other.half_length;
-        const Relation r = relation(tables, slot, other);
+        const Relation r = relation(map, slot, other);
         const Floats ahead = other.position - r.offset - slot.position;
         const Ints there = ((slot.rear < r.split) & (rear < r.split)) | (r.merging & (front > r.other_end));
         const Ints counts = j == i ? Ints{} : (j < i ? all_ints(-1) : ~run.world.slots[j].left);
@@ -66,16 +66,16 @@ inline Ints step(const ClosedLoopArguments& g, ClosedLoopLanes& run) {
     if (any(any_left)) {
         for (int i = 0; i < count; ++i) {
             if (any(world.slots[i].left)) {
-                take_leave(g.tables, run, i);
-                reinsert(g.tables, count, run, i);
+                take_leave(g.map, run, i);
+                reinsert(g.map, count, run, i);
             }
         }
     }
     for (int i = 0; i < count; ++i) {
-        observe_vehicle(g.tables, world.slots[i]);
-        locate(g.tables, world.slots[i]);
+        observe_vehicle(g.map, world.slots[i]);
+        locate(g.map, world.slots[i]);
     }
-    decide<GAP>(g.tables, g.gap_network, count, true, world);
+    decide<GAP>(g.map, g.gap_network, count, true, world);
     world.cycle += 1;
     Ints ends = world.collided | (world.cycle >= g.max_cycles);
     for (int i = 0; i < count; ++i) {

@@ -25,7 +25,7 @@ inline void load_track(const ReplayArguments& g, ReplayLanes& run) {
         slot->half_length = row[1];
         slot->half_width = row[2];
         slot->max_speed = row[3];
-        load_route(g.tables, *slot);
+        load_route(g.map, *slot);
     }
     run.first_sample = as_ints(row[4]);
     run.first_step = as_ints(row[5]);
@@ -118,7 +118,7 @@ inline void touch(const ReplayArguments& g, const Companion& other, ReplayLanes&
         const Body body{own.route[l], own.position[l], 2.0F * own.half_length[l], 2.0F * own.half_width[l]};
         const Body foe{static_cast<int>(other.row[15][l]), other.sample[0][l], 2.0F * other.row[10][l],
                        2.0F * other.row[11][l]};
-        if (collide(*g.tables.map, body, foe, own.braking_distance[l], speed * speed * (0.5F / BRAKING))) {
+        if (collide(*g.map.whole, body, foe, own.braking_distance[l], speed * speed * (0.5F / BRAKING))) {
             run.collided[l] = -1;
         }
     }
@@ -126,9 +126,9 @@ inline void touch(const ReplayArguments& g, const Companion& other, ReplayLanes&
 
 // Observes and decides for both, from the memories before.
 inline void look(const ReplayArguments& g, ReplayLanes& run) {
-    observe_vehicle(g.tables, run.acting);
-    observe_vehicle(g.tables, run.expert);
-    locate(g.tables, run.acting);
+    observe_vehicle(g.map, run.acting);
+    observe_vehicle(g.map, run.expert);
+    locate(g.map, run.acting);
     run.collided = Ints{};
     int most = 0;
     for (int l = 0; l < WIDTH; ++l) {
@@ -148,7 +148,7 @@ inline void look(const ReplayArguments& g, ReplayLanes& run) {
 }
 
 inline void remember(const ReplayArguments& g, Slot& slot) {
-    observe_vehicle(g.tables, slot);
+    observe_vehicle(g.map, slot);
     slot.delta = committed(slot);
 }
 
@@ -201,7 +201,7 @@ inline Ints step(const ReplayArguments& g, ReplayLanes& run) {
     driving_features(acting, run.last_features);
     if (any(run.left)) {
         Slot gone = acting;
-        observe_vehicle(g.tables, gone);
+        observe_vehicle(g.map, gone);
         gone.delta = all_ints(-1);
         const Floats paid = reward(gone, gone.acceleration, Ints{});
         run.step_reward = run.left ? paid : run.step_reward;

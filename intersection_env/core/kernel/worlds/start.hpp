@@ -30,13 +30,13 @@ inline Floats drawn_speed(Ints drawn, Random& random, const VehicleLanes& vehicl
 }
 
 // Mask: vehicle `index` stands too near one before it in the list, in a lane they share.
-inline Ints crowded(const Tables& tables, const World& world, int index) {
+inline Ints crowded(const MapRows& map, const World& world, int index) {
     const Slot& own = world.slots[index];
     const Floats rear = own.position - own.half_length, front = own.position + own.half_length;
     Ints result{};
     for (int k = 0; k < index; ++k) {
         const Slot& other = world.slots[k];
-        const Relation r = relation(tables, own, other);
+        const Relation r = relation(map, own, other);
         const Ints entry = (rear < r.split) & (other.position - other.half_length < r.split);
         const Ints exit = r.merging & (front > r.own_end) & (other.position + other.half_length > r.other_end);
         const Floats apart =
@@ -46,7 +46,7 @@ inline Ints crowded(const Tables& tables, const World& world, int index) {
     return result;
 }
 
-inline void place(const Tables& tables, int count, World& world) {
+inline void place(const MapRows& map, int count, World& world) {
     for (int i = 0; i < count; ++i) {
         Slot& slot = world.slots[i];
         Ints drawn = all_ints(-1);
@@ -54,41 +54,41 @@ inline void place(const Tables& tables, int count, World& world) {
         slot.route = Ints{};
         slot.position = slot.speed = slot.acceleration = all(0.0F);
         for (int attempt = 0; attempt < PLACEMENTS && any(drawn); ++attempt) {
-            const Ints route = world.random.index(drawn, tables.route_count);
+            const Ints route = world.random.index(drawn, map.route_count);
             slot.route = drawn ? route : slot.route;
-            load_route(tables, slot);
+            load_route(map, slot);
             const Floats position = world.random.uniform(drawn) * slot.route_length;
             slot.position = drawn ? position : slot.position;
-            drawn &= crowded(tables, world, i);
+            drawn &= crowded(map, world, i);
         }
     }
 }
 
 // The memories of the model at a start, then what each sees and decides.
 template <Gap GAP>
-inline void look_afresh(const Tables& tables, const GapNetwork* network, int count, bool contacts, World& world) {
+inline void look_afresh(const MapRows& map, const GapNetwork* network, int count, bool contacts, World& world) {
     for (int i = 0; i < count; ++i) {
         Slot& slot = world.slots[i];
-        observe_vehicle(tables, slot);
+        observe_vehicle(map, slot);
         if (contacts) {
-            locate(tables, slot);
+            locate(map, slot);
         }
         slot.delta = committed(slot);
         slot.hold = all_ints(-1);
         slot.left = Ints{};
     }
-    decide<GAP>(tables, network, count, contacts, world);
+    decide<GAP>(map, network, count, contacts, world);
 }
 
 inline Floats violation(const Slot& slot) { return slowness(slot) + trespass(slot); }
 
 // One trial a lane; mask of those that violate nothing.
 template <Gap GAP>
-inline Ints try_start(const Tables& tables, const GapNetwork* network, int count, World& world) {
+inline Ints try_start(const MapRows& map, const GapNetwork* network, int count, World& world) {
     world.exists = all_ints(-1);
-    place(tables, count, world);
+    place(map, count, world);
     for (int round = 0; round <= SPEED_ROUNDS; ++round) {
-        look_afresh<GAP>(tables, network, count, false, world);
+        look_afresh<GAP>(map, network, count, false, world);
         Ints changed{};
         for (int i = 0; i < count && round < SPEED_ROUNDS; ++i) {
             Slot& slot = world.slots[i];
@@ -111,7 +111,7 @@ inline Ints try_start(const Tables& tables, const GapNetwork* network, int count
         good &= violation(world.slots[i]) <= TOLERANCE;
     }
     if (any(good)) {
-        look_afresh<GAP>(tables, network, count, true, world);
+        look_afresh<GAP>(map, network, count, true, world);
         good &= ~world.collided;
     }
     return good;
@@ -131,7 +131,7 @@ inline void copy_lane(const World& from, int from_lane, int count, World& to, in
 // Gives every wanted lane a new start, observed and decided. Which trial is taken depends on the lane's stream alone,
 // not on how the trials are spread over lanes. False where MOST_ROUNDS found none.
 template <Gap GAP>
-inline bool start(const Tables& tables, const GapNetwork* network, int count, Ints wanted, World& world, World& trial) {
+inline bool start(const MapRows& map, const GapNetwork* network, int count, Ints wanted, World& world, World& trial) {
     const Words key = world.random.next(wanted), other_key = world.random.next(wanted);
     int tried = 0; // of every lane still pending
     int rounds = 0;
@@ -151,7 +151,7 @@ inline bool start(const Tables& tables, const GapNetwork* network, int count, In
         for (unsigned k = 0; k < 4; ++k) {
             trial.random.s[k] = mixed(mixed(mixed(a + number * 0x9e3779b9U) ^ b) + k * 0x85ebca6bU);
         }
-        const unsigned good = bits(try_start<GAP>(tables, network, count, trial));
+        const unsigned good = bits(try_start<GAP>(map, network, count, trial));
         for (int l = 0; l < each * owner_count; ++l) {
             const int owner = owners[l % owner_count];
             if ((good >> l & 1U) != 0 && (pending >> owner & 1U) != 0) {

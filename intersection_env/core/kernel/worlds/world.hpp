@@ -39,9 +39,9 @@ struct World {
     Waiting waiting;
 };
 
-inline void load_route(const Tables& tables, Slot& slot) {
+inline void load_route(const MapRows& map, Slot& slot) {
     Floats row[ROUTE_COLUMNS];
-    load_rows<2>(tables.routes, slot.route * ROUTE_COLUMNS, row);
+    load_rows<2>(map.routes, slot.route * ROUTE_COLUMNS, row);
     slot.stop_line = row[0];
     slot.route_length = row[1];
     slot.first_conflict = row[2];
@@ -49,12 +49,12 @@ inline void load_route(const Tables& tables, Slot& slot) {
     slot.last_row = row[4];
     slot.stop_lane = as_ints(row[5]);
     slot.overlaps = as_ints(row[6]) | (as_ints(row[7]) << 16);
-    slot.pair_row = slot.route * (tables.route_count * PAIR_COLUMNS);
+    slot.pair_row = slot.route * (map.route_count * PAIR_COLUMNS);
     slot.reach = slot.half_length * (2.0F * CIRCLE_OFFSET) + slot.half_width * (2.0F * CIRCLE_RADIUS);
 }
 
-inline void observe_vehicle(const Tables& tables, Slot& slot) {
-    observe_road(tables.observed, tables.inverse_spacing, slot, true, slot);
+inline void observe_vehicle(const MapRows& map, Slot& slot) {
+    observe_road(map.observed, map.inverse_spacing, slot, true, slot);
     forget_lead(slot);
     slot.refused = slot.kept = slot.blamed = Ints{};
 }
@@ -66,19 +66,19 @@ inline Ints committed(const Slot& slot) {
 }
 
 // Beyond its end a route goes straight on.
-inline void locate(const Tables& tables, const Slot& slot, Floats position, Floats& x, Floats& y) {
-    const Floats grid = most(position * tables.inverse_spacing, all(0.0F));
+inline void locate(const MapRows& map, const Slot& slot, Floats position, Floats& x, Floats& y) {
+    const Floats grid = most(position * map.inverse_spacing, all(0.0F));
     const Ints row = as_ints(least(grid, slot.last_row - 1.0F));
     Floats point[4];
-    load_rows<1>(tables.points, (slot.first_row + row) * 4, point);
+    load_rows<1>(map.points, (slot.first_row + row) * 4, point);
     const Floats f = grid - as_floats(row);
     x = point[0] + f * point[2];
     y = point[1] + f * point[3];
 }
 
-inline void locate(const Tables& tables, Slot& slot) {
-    locate(tables, slot, slot.position, slot.x, slot.y);
-    locate(tables, slot, slot.position + slot.braking_distance, slot.braked_x, slot.braked_y);
+inline void locate(const MapRows& map, Slot& slot) {
+    locate(map, slot, slot.position, slot.x, slot.y);
+    locate(map, slot, slot.position + slot.braking_distance, slot.braked_x, slot.braked_y);
 }
 
 // What two routes are to each other; see PAIR_COLUMNS.
@@ -88,9 +88,9 @@ struct Relation {
     Ints merging;
 };
 
-inline Relation relation(const Tables& tables, const Slot& own, const Slot& other) {
+inline Relation relation(const MapRows& map, const Slot& own, const Slot& other) {
     Floats row[PAIR_COLUMNS];
-    load_rows<1>(tables.pairs, own.pair_row + other.route * PAIR_COLUMNS, row);
+    load_rows<1>(map.pairs, own.pair_row + other.route * PAIR_COLUMNS, row);
     const Ints entry = row[3] == SHARED_ENTRY, merging = magnitude(row[3]) == 2.0F;
     return {row[0], row[1], entry ? all(0.0F) : row[3], entry ? row[2] : all(-FAR), merging ? row[2] : all(0.0F),
             merging};
@@ -137,9 +137,9 @@ inline void ask(const GapNetwork& network, Ints open, Ints first_yields, Floats 
 
 // Who leads whom, and whether the one that yields to the other accepts the gap. seen: what a has seen so far.
 template <Gap GAP>
-inline void meet(const Tables& tables, const GapNetwork* network, World& world, int i, int j, Seen& seen) {
+inline void meet(const MapRows& map, const GapNetwork* network, World& world, int i, int j, Seen& seen) {
     Slot &a = world.slots[i], &b = world.slots[j];
-    const Relation r = relation(tables, a, b);
+    const Relation r = relation(map, a, b);
     const Floats ahead = b.position - r.offset - a.position;
     const Ints entry = (a.rear < r.split) & (b.rear < r.split), same_lane = a.stop_lane == b.stop_lane;
     const Floats gap = magnitude(ahead) - (a.half_length + b.half_length);
@@ -178,7 +178,7 @@ inline void meet(const Tables& tables, const GapNetwork* network, World& world, 
 }
 
 // Marks who is to blame where two vehicles collide. Circles that are far apart are not looked at closely.
-inline void touch(const Tables& tables, World& world, int i, int j) {
+inline void touch(const MapRows& map, World& world, int i, int j) {
     Slot &a = world.slots[i], &b = world.slots[j];
     constexpr float MARGIN = COLLISION_DISTANCE + 0.1F; // rounding, and headings beyond the end of a route
     const Floats far = a.reach + b.reach + MARGIN;
@@ -189,12 +189,12 @@ inline void touch(const Tables& tables, World& world, int i, int j) {
         const int l = __builtin_ctz(lanes);
         const Body body_a{a.route[l], a.position[l], 2.0F * a.half_length[l], 2.0F * a.half_width[l]};
         const Body body_b{b.route[l], b.position[l], 2.0F * b.half_length[l], 2.0F * b.half_width[l]};
-        if (collide(*tables.map, body_a, body_b, a.braking_distance[l], b.braking_distance[l])) {
+        if (collide(*map.whole, body_a, body_b, a.braking_distance[l], b.braking_distance[l])) {
             world.collided[l] = -1;
             if ((a.left[l] | b.left[l]) != 0) {
                 continue; // a newcomer without room is nobody's fault
             }
-            const Blame blame = to_blame(*tables.map, body_a, body_b);
+            const Blame blame = to_blame(*map.whole, body_a, body_b);
             a.blamed[l] |= blame.a ? -1 : 0;
             b.blamed[l] |= blame.b ? -1 : 0;
         }
@@ -204,16 +204,16 @@ inline void touch(const Tables& tables, World& world, int i, int j) {
 // Needs observe_vehicle of each, and the memories before the decision; contacts: needs locate, and looks for
 // collisions.
 template <Gap GAP>
-inline void decide(const Tables& tables, const GapNetwork* network, int count, bool contacts, World& world) {
+inline void decide(const MapRows& map, const GapNetwork* network, int count, bool contacts, World& world) {
     world.waiting.count = 0;
     world.collided = Ints{};
     for (int i = 0; i < count; ++i) {
         Slot& slot = world.slots[i];
         Seen seen = slot;
         for (int j = i + 1; j < count; ++j) {
-            meet<GAP>(tables, network, world, i, j, seen);
+            meet<GAP>(map, network, world, i, j, seen);
             if (contacts) {
-                touch(tables, world, i, j);
+                touch(map, world, i, j);
             }
         }
         const Ints refused = slot.refused | seen.refused; // the network may have answered in between
