@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from intersection_env.maps.compiler import SWEPT_WIDTH
-from intersection_env.maps.intersection import Conflict, Intersection, Route, Sample
+from intersection_env.maps.intersection import Intersection, Route, Sample
+from intersection_env.maps.meeting import SWEPT_WIDTH, Conflict
 from intersection_env.plots.files import SUFFIXES, write_figure
 
 if TYPE_CHECKING:

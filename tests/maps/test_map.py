@@ -13,7 +13,8 @@ import pytest
 import shapely
 
 from intersection_env import Intersection, Predictor, Traffic, Vehicle, rank_maneuvers
-from intersection_env.maps.compiler import compile_map, main
+from intersection_env.maps.__main__ import main
+from intersection_env.maps.compiler import compile_map
 from intersection_env.maps.intersection import MAPS, Sample
 from intersection_env.maps.source import MapSource
 from tests.conftest import MAP_NAMES
