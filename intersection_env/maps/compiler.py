@@ -13,8 +13,9 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
+from intersection_env.maps.curve import Points, wrap
 from intersection_env.maps.meeting import NEVER, SWEPT_WIDTH, Conflict, SharedLane
-from intersection_env.maps.source import MapSource, Points, RouteSource, wrap
+from intersection_env.maps.source import MapSource, RouteSource
 
 MAGIC = "intersection_env map"
 VERSION = 1
