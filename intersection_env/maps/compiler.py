@@ -197,8 +197,8 @@ def _conflict(
     source: MapSource, index_a: int, a: CompiledRoute, index_b: int, b: CompiledRoute, lane: SharedLane | None
 ) -> Conflict | None:
     merging = lane is not None
-    bands = [shapely.buffer(route.line, SWEPT_WIDTH / 2.0, cap_style="flat") for route in (a, b)]
-    area = bands[0].intersection(bands[1])
+    swept_a, swept_b = (shapely.buffer(route.line, SWEPT_WIDTH / 2.0, cap_style="flat") for route in (a, b))
+    area = swept_a.intersection(swept_b)
     if area.is_empty or area.area < 0.05:
         return None
     corners = shapely.points(shapely.get_coordinates(area))
