@@ -247,7 +247,7 @@ def test_starts_violate_no_constraint(name: str, vehicles: int, gap: str) -> Non
         twin = twin_of(state, world)
         assert reference_worlds.violations(intersection, twin) == [], f"world {world}"
         seen = reference_worlds.decided(intersection, twin.traffic, twin.delta, twin.hold, rules)[1].driving
-        seen[:, reference.DELTA] = twin.delta
+        seen[:, Driving.ENTERS] = twin.delta
         np.testing.assert_allclose(loop.observation[world], seen, atol=1e-3)
         waits += int((~twin.delta).sum())
     assert vehicles == 1 or waits > worlds / 2  # of whom the stop line asks something
