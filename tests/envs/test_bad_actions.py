@@ -121,7 +121,7 @@ def test_bad_seed_is_refused_and_the_episode_goes_on(make: Make, good: Any, seed
     environment, other = make(), make()
     for one in (environment, other):
         one.reset(seed=1)
-    with pytest.raises(error, match=r"[Ss]eed"):
+    with pytest.raises(error, match="Seed" if error is Error else "seed"):  # Gymnasium's own, and ours
         environment.reset(seed=seed)
     assert as_bytes(environment.step(good)) == as_bytes(other.step(good))
 

@@ -120,13 +120,12 @@ def test_infos_are_empty_but_after_a_reset_and_at_a_reinsertion() -> None:
 def test_end_can_be_brought_forward_within_an_episode() -> None:
     environment = parallel_env()
     environment.reset(seed=1)
-    good = ALL_STILL
     for _ in range(3):
-        environment.step(good)
+        environment.step(ALL_STILL)
     environment.max_cycles = 2
     environment.reset()
-    environment.step(good)
-    environment.step(good)
+    environment.step(ALL_STILL)
+    environment.step(ALL_STILL)
     assert not environment.agents
 
 
