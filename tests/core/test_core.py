@@ -10,6 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 from intersection_env import Predictor, Traffic, _core
+from intersection_env.features import Driving
 from intersection_env.policies.file import NetworkWeights, PolicyFile
 from tests.conftest import MAP_NAMES
 from tests.reference import predictor as reference
@@ -93,7 +94,7 @@ def test_observations_and_gap_decisions_equal_the_twin(name: str, gap: Literal["
         pairs = reference.conflicts(map_, twin).reshape(-1, 2)
         truth = reference.observe(map_, twin)
         np.testing.assert_allclose(seen.gap, truth.gap.reshape(-1, 4), atol=1e-3)
-        np.testing.assert_allclose(seen.driving[:, :11], truth.driving[:, :11], atol=1e-3)
+        np.testing.assert_allclose(seen.driving[:, : Driving.ENTERS], truth.driving[:, : Driving.ENTERS], atol=1e-3)
         hold = np.full(len(traffic), -1)
         accepts = [
             reference.accepts_gap(map_, twin, pair, features, hold, gap, None)

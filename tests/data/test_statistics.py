@@ -14,11 +14,6 @@ from intersection_env.maps.intersection import Intersection
 from tests.support.recordings import Floats, on_route, steady, write_recording
 
 
-@pytest.fixture(scope="module")
-def bendplatz() -> Intersection:
-    return Intersection.load("bendplatz")
-
-
 def waiting(time: Floats) -> Floats:
     """Reaches its line after 5 s, stands there for 8 s, and goes."""
     return np.interp(time, [0.0, 5.0, 13.0, 20.0], [50.0, 83.5, 83.5, 130.0])

@@ -14,7 +14,7 @@ from experiments.documentation.environments import PAGE, PICTURES, closed_loop_p
 from experiments.documentation.features import figure
 from intersection_env import ClosedLoop, ClosedLoopWorlds, Replay, _core
 from intersection_env.features import Driving
-from tests.envs.test_closed_loop_env import GAPS
+from tests.support.doors import GAPS
 
 TABLE = re.compile(r"^ *\| (\d+) \| .* \| (.*?) \| (.*?) \|$", flags=re.MULTILINE)
 BOUNDS = {"π": np.pi, "-π": -np.pi}

@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import argparse
+import sys
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
@@ -167,3 +168,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     for line in findings.wrong[:20]:
         print(f"  {line}")
     return 1 if findings.wrong else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

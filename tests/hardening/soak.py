@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from intersection_env import ClosedLoopWorlds, Intersection, Predictor, ReplayWorlds, Scenes
 from intersection_env.envs.spaces import observation_space
+from intersection_env.features import Driving
 from intersection_env.maps.intersection import Sample
 
 MAPS, GAPS = ("bendplatz", "t_junction"), ("critical_gap", "gap")
@@ -82,7 +83,7 @@ class Soak:
         position, speed = state["position"], state["speed"]
         if not ((position >= 0.0) & (position <= self.length[route])).all():
             raise AssertionError(f"off the route: positions from {position.min()} to {position.max()} m")
-        if not ((speed >= self.low[1]) & (speed <= self.high[1])).all():
+        if not ((speed >= self.low[Driving.SPEED]) & (speed <= self.high[Driving.SPEED])).all():
             raise AssertionError(f"speeds from {speed.min()} to {speed.max()} m/s")
 
     def _inside(self, rows: NDArray[np.float32], name: str) -> None:

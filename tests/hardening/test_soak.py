@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from intersection_env.features import Driving
 from tests.hardening import soak
 
 
@@ -25,7 +26,7 @@ def test_the_soak_sees_what_is_wrong(kind: str) -> None:
         one.check_results()
     one.worlds.reward[1] = 0.0
     for wrong in (np.nan, 1e4):
-        one.worlds.observation[2, ..., 1] = wrong
+        one.worlds.observation[2, ..., Driving.SPEED] = wrong
         with pytest.raises(AssertionError, match="observation leaves"):
             one.check_results()
     with pytest.MonkeyPatch.context() as patched:

@@ -1,4 +1,4 @@
-"""The core's ranking equals one written out the slow way."""
+"""The ranking of maneuvers equals one written out the slow way, and says what its users ask."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from intersection_env import Predictor, Traffic, crossing_orders, rank_maneuvers
 from intersection_env.prediction.measures import crossing_order
 from tests.conftest import MAP_NAMES
 from tests.reference import predictor as reference
+from tests.support.busy_traffic import busy
 from tests.support.twins import CASES, random_case, twin_map
 
 
@@ -87,3 +88,47 @@ def test_crossing_order_is_that_of_the_first_fronts_in_each_conflict() -> None:
             assert way == (1 if steps[0] < steps[1] else -1 if steps[1] < 51 else 0)
             seen.add(int(way))
     assert seen == {-1, 0, 1}
+
+
+def test_ranking_puts_the_best_safe_order_first_and_counts_what_it_left_out() -> None:
+    traffic = busy()
+    predictor = Predictor.load("idm")
+    table = rank_maneuvers(predictor, traffic)
+    assert (~table.intervention).sum() == 1
+    assert table.safe.is_monotonic_decreasing
+    safe = table[table.safe]
+    assert safe.total_time_loss.is_monotonic_increasing
+    assert (table.worth_executing == (table.safe & (table.gain > 2.0))).all()
+    assert table.attrs["left_out"] == 0
+    capped = rank_maneuvers(predictor, traffic, limit=100)
+    assert len(capped) == 101
+    assert capped.attrs["left_out"] == len(table) - 101
+    again = predictor.predict(traffic, table.priorities[0])
+    assert again.time_loss.sum() == pytest.approx(table.total_time_loss[0], rel=1e-5)
+
+
+def test_without_cooperative_vehicles_there_is_nothing_to_order() -> None:
+    table = rank_maneuvers(Predictor.load("idm"), busy(), cooperative=[])
+    assert len(table) == 2
+    assert table.total_time_loss.nunique() == 1
+    few = rank_maneuvers(Predictor.load("idm"), busy(), cooperative=["a", "c", "f"])
+    named = {pair for row in few.priorities for pair in busy().words(row)}
+    assert 2 < len(few) < 12
+    assert {frozenset(pair) for pair in named} >= {frozenset(("a", "c")), frozenset(("c", "f"))}
+
+
+def test_order_in_words_lists_the_first_of_each_pair_first() -> None:
+    traffic = busy()
+    table = rank_maneuvers(Predictor.load("idm"), traffic, limit=300)
+    interventions = table[table.intervention]
+    for order, priorities in zip(interventions.order, interventions.priorities, strict=True):
+        place = {vehicle: k for k, vehicle in enumerate(order.split(", "))}
+        for first, second in traffic.words(priorities):
+            assert place[first] < place[second]
+
+
+def test_ranking_refuses_strangers_and_no_limit() -> None:
+    with pytest.raises(ValueError, match='no vehicle "z"'):
+        rank_maneuvers(Predictor.load("idm"), busy(), cooperative=["z"])
+    with pytest.raises(ValueError, match="limit must be at least 1, not 0"):
+        rank_maneuvers(Predictor.load("idm"), busy(), limit=0)

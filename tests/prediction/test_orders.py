@@ -7,9 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from intersection_env import Intersection, Predictor, Traffic, Vehicle, crossing_orders
+from intersection_env import Intersection, Predictor, Traffic, Vehicle, crossing_orders, rank_maneuvers
 from tests.conftest import MAP_NAMES
 from tests.reference import predictor as reference
+from tests.support.busy_traffic import busy
 from tests.support.single_lane import single_lane_source
 from tests.support.twins import CASES, random_case, twin_map
 
@@ -98,3 +99,15 @@ def test_traffic_without_conflicts_has_one_empty_order() -> None:
     junction = Intersection.load("t_junction")
     assert enumerated(Traffic.of(junction, [])) == [()]
     assert enumerated(Traffic.of(junction, [Vehicle("only", "W-E", 50.0, 5.0)])) == [()]
+
+
+def test_orders_refuse_what_they_cannot_use() -> None:
+    traffic = busy()
+    with pytest.raises(TypeError, match='collection of vehicle ids, not the one id "a"'):
+        rank_maneuvers(Predictor.load("idm"), traffic, cooperative="a")
+    with pytest.raises(ValueError, match="batch must be at least 1, not 0"):
+        next(crossing_orders(traffic, batch=0))
+    with pytest.raises(TypeError, match="preferred must be int8, not float64"):
+        next(crossing_orders(traffic, preferred=np.zeros(19)))  # type: ignore[arg-type]
+    with pytest.raises(ValueError, match=r"preferred must have shape \(19,\)"):
+        next(crossing_orders(traffic, preferred=np.zeros(3, np.int8)))
