@@ -25,9 +25,10 @@ from agents.networks.export import driving_policy, gap_hash
 from agents.rollouts.envs import ClosedLoopEnv
 from agents.rollouts.policy_update import PolicyUpdate, UpdateSettings
 from agents.rollouts.validation_run import validation_run
+from agents.rollouts.workers import rollout_collector
 from agents.training.folder import RunFolder
 from agents.training.interrupt import Interrupted, ctrl_c
-from agents.training.seeds import rollout_collector, train_seeds
+from agents.training.seeds import train_seeds
 from intersection_env.constants import DT
 from intersection_env.features import Driving
 from intersection_env.policies.named import gap_decider

@@ -24,9 +24,10 @@ from agents.networks.driving import Driver, DrivingNetwork
 from agents.networks.export import driving_policy, gap_hash
 from agents.rollouts.envs import ReplayEnv
 from agents.rollouts.policy_update import PolicyUpdate, UpdateSettings
+from agents.rollouts.workers import rollout_collector
 from agents.training.folder import CHECKPOINT, RunFolder, file_hash, state_hash
 from agents.training.interrupt import Interrupted, ctrl_c
-from agents.training.seeds import rollout_collector, train_seeds
+from agents.training.seeds import train_seeds
 from imitation.discriminator import Discriminator, DiscriminatorLoss, DiscriminatorSettings
 from imitation.expert import expert_steps
 from imitation.replay_error import HORIZON, replay_error

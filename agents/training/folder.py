@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from torch.utils.tensorboard import SummaryWriter
 
 CONFIG, METRICS, CHECKPOINT = "config.json", "metrics.jsonl", "checkpoint.pt"
+LAST_BYTES = 4096  # of the metrics, which hold the last line
 
 
 @dataclass(frozen=True)
@@ -114,6 +115,17 @@ class RunFolder:
                 kept = (line for line in lines if _epoch(line) <= epoch)
                 temporary.write_text("".join(f"{line}\n" for line in kept), encoding="utf-8")
         return state
+
+
+def last_row(metrics: Path) -> dict[str, Any]:
+    """The last whole line of a metrics file, {} if there is none."""
+    if not metrics.exists():
+        return {}
+    with metrics.open("rb") as file:
+        file.seek(max(metrics.stat().st_size - LAST_BYTES, 0))
+        lines = file.read().split(b"\n")
+    row: dict[str, Any] = json.loads(lines[-2]) if len(lines) > 1 else {}
+    return row
 
 
 def file_hash(path: Path) -> str:

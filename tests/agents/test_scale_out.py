@@ -16,8 +16,9 @@ from agents.networks.driving import Driver, DrivingNetwork
 from agents.ppo import PpoSettings, main, train_driver
 from agents.rollouts.envs import ClosedLoopEnv, ReplayEnv
 from agents.rollouts.remote import RemoteRollouts
+from agents.rollouts.workers import rollout_collector
 from agents.training.folder import CHECKPOINT, RunFolder, state_hash
-from agents.training.seeds import LOCAL_RAY, rollout_collector
+from agents.training.ray import LOCAL_RAY
 from tests.agents.test_torchrl import Env, closed_loop, driver
 from tests.support.training import outcome, small_scenes
 
