@@ -6,6 +6,7 @@ A run killed at any moment resumes from its checkpoint to the same bytes as an u
 
 from __future__ import annotations
 
+import dataclasses
 import hashlib
 import json
 import platform
@@ -26,6 +27,8 @@ if TYPE_CHECKING:
 
 CONFIG, METRICS, CHECKPOINT = "config.json", "metrics.jsonl", "checkpoint.pt"
 LAST_BYTES = 4096  # of the metrics, which hold the last line
+NOT_DECISIVE = ("scenes", "ppo", "run", "resume", "threads", "workers", "seeds", "tensorboard")
+"""Settings that say where files lie, whose content counts by its hash, and how the work is done."""
 
 
 @dataclass(frozen=True)
@@ -115,6 +118,12 @@ class RunFolder:
                 kept = (line for line in lines if _epoch(line) <= epoch)
                 temporary.write_text("".join(f"{line}\n" for line in kept), encoding="utf-8")
         return state
+
+
+def decisive(settings: Any) -> dict[str, Any]:
+    """Those of a trainer's settings, a dataclass, that decide the result; as JSON holds them."""
+    kept: dict[str, Any] = json.loads(json.dumps(dataclasses.asdict(settings), default=str))
+    return {key: value for key, value in kept.items() if key not in NOT_DECISIVE}
 
 
 def last_row(metrics: Path) -> dict[str, Any]:

@@ -19,7 +19,7 @@ from agents.gap.samples import UNKNOWN, GapSamples, gap_samples
 from agents.gap.train import GapSettings, train_network
 from agents.networks.export import gap_network, policy_file, save_onnx
 from agents.networks.gap import GapNetwork
-from agents.training.folder import CHECKPOINT, METRICS, RunFolder, state_hash
+from agents.training.folder import CHECKPOINT, METRICS, RunFolder, decisive, state_hash
 from data.build import build
 from intersection_env import Intersection, Predictor, Scenes, _core
 from intersection_env.policies.file import PolicyFile
@@ -128,7 +128,7 @@ def test_exported_network_equals_torch_in_the_core_and_in_onnx(tmp_path: Path) -
 
 
 def unbroken_hash(tmp_path: Path, settings: GapSettings) -> str:
-    folder = RunFolder.begin(tmp_path / "unbroken", settings.decisive(), "data", resume=False)
+    folder = RunFolder.begin(tmp_path / "unbroken", decisive(settings), "data", resume=False)
     train_network(planted_samples(400, 0), planted_samples(100, 1), settings, folder, progress=False)
     return state_hash(folder.load())
 
@@ -137,12 +137,12 @@ TRAIN = """
 import sys
 from pathlib import Path
 from agents.gap.train import GapSettings, train_network
-from agents.training.folder import RunFolder
+from agents.training.folder import RunFolder, decisive
 from tests.support.gap_fixture import planted_samples
 import torch
 torch.set_num_threads(1)
 settings = GapSettings(epochs=60, batch=64, checkpoint_every=3, schedule=sys.argv[2])
-folder = RunFolder.begin(Path(sys.argv[1]), settings.decisive(), "data", resume=True)
+folder = RunFolder.begin(Path(sys.argv[1]), decisive(settings), "data", resume=True)
 train_network(planted_samples(400, 0), planted_samples(100, 1), settings, folder, progress=False)
 """
 

@@ -25,7 +25,7 @@ from agents.ppo import PROFILES, PpoSettings, main, train_driver
 from agents.rollouts.collector import Rollouts
 from agents.rollouts.policy_update import PolicyUpdate, UpdateSettings
 from agents.rollouts.validation_run import validation_run
-from agents.training.folder import CHECKPOINT, METRICS, RunFolder
+from agents.training.folder import CHECKPOINT, METRICS, RunFolder, decisive
 from intersection_env import ClosedLoopWorlds, Predictor, _core
 from intersection_env.features import Driving
 from intersection_env.policies.file import PolicyFile
@@ -298,7 +298,7 @@ def test_main_writes_a_policy_that_drives_predictor_and_worlds(
     np.testing.assert_array_equal(policy.driving_network.layers[1][0], state["policy.second.weight"])
     ClosedLoopWorlds(gap=path).reset(0)
     assert policy.about["made_by"] == "python -m agents.ppo"
-    assert policy.about["settings"] == settings.decisive()
+    assert policy.about["settings"] == decisive(settings)
     assert policy.about["map"] == "bendplatz"
     assert set(policy.about["validation_run"]) == {"gap", "critical_gap"}
     rows = [json.loads(line) for line in (settings.run / METRICS).read_text().splitlines()]

@@ -17,7 +17,7 @@ from agents.ppo import PpoSettings, main, train_driver
 from agents.rollouts.envs import ClosedLoopEnv, ReplayEnv
 from agents.rollouts.remote import RemoteRollouts
 from agents.rollouts.workers import rollout_collector
-from agents.training.folder import CHECKPOINT, RunFolder, state_hash
+from agents.training.folder import CHECKPOINT, RunFolder, decisive, state_hash
 from agents.training.ray import LOCAL_RAY
 from tests.agents.test_torchrl import Env, closed_loop, driver
 from tests.support.training import outcome, small_scenes
@@ -56,7 +56,7 @@ def collector_of(make: Callable[..., list[Env]], of: Driver, workers: int, **oth
 
 def train(settings: PpoSettings) -> None:
     """What `main` does before the runs of 2000 s."""
-    folder = RunFolder.begin(settings.run, settings.decisive(), "", settings.resume)
+    folder = RunFolder.begin(settings.run, decisive(settings), "", settings.resume)
     train_driver(settings, folder, progress=False)
 
 

@@ -18,6 +18,7 @@ from torchrl.envs.utils import check_env_specs
 import agents.gap.train
 import intersection_env
 from agents.gap.train import GapSettings
+from agents.training.folder import decisive
 from tests.support.training import small_scenes
 
 REPLAY = "intersection_env/Replay-v0"
@@ -121,7 +122,7 @@ def test_gap_training_writes_a_policy_that_loads(tmp_path: Path, capsys: pytest.
     assert f"written: {path}" in capsys.readouterr().out
     policy = intersection_env.Predictor.load(path).policy
     assert policy.gap_network is not None
-    assert policy.about["settings"] == settings.decisive()
+    assert policy.about["settings"] == decisive(settings)
 
 
 @pytest.mark.filterwarnings("ignore:PettingZoo in TorchRL:UserWarning")  # theirs: they test another version
