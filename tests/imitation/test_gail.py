@@ -17,10 +17,10 @@ from tensordict import TensorDict
 from torch import Tensor, nn
 
 import agents.ppo
-import imitation.replay_error
+import imitation.tracks
 from agents.networks.driving import Driver, DrivingNetwork
 from agents.rollouts.policy_update import PolicyUpdate, UpdateSettings
-from agents.training.folder import CHECKPOINT, METRICS, RunFolder, file_hash, state_hash
+from agents.training.folder import CHECKPOINT, METRICS, RunFolder, decisive, file_hash, state_hash
 from imitation.discriminator import Discriminator, DiscriminatorLoss, DiscriminatorSettings
 from imitation.expert import ExpertSteps, expert_steps
 from imitation.gail import PROFILES, GailSettings, main, start_of, train_driver
@@ -164,7 +164,7 @@ def distances(scenes: Scenes) -> tuple[np.ndarray, np.ndarray]:
 
 
 def test_who_drives_as_recorded_makes_no_error(scenes: Scenes, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(imitation.replay_error, "ReplayWorlds", Watched)
+    monkeypatch.setattr(imitation.tracks, "ReplayWorlds", Watched)
     error = replay_error(Follower(), scenes, "development")
     assert error.rmse < 0.05
     assert error.mad < 0.02
@@ -174,7 +174,7 @@ def test_who_drives_as_recorded_makes_no_error(scenes: Scenes, monkeypatch: pyte
 
 def test_who_accelerates_more_is_ahead_by_the_integral(scenes: Scenes, monkeypatch: pytest.MonkeyPatch) -> None:
     """Half of 0.1 m/s² times the square of 10 s is 5 m, less what a vehicle at a stand would have to roll back."""
-    monkeypatch.setattr(imitation.replay_error, "ReplayWorlds", Watched)
+    monkeypatch.setattr(imitation.tracks, "ReplayWorlds", Watched)
     follower = Follower()
     follower.more = 0.1
     assert replay_error(follower, scenes, "development").mad == pytest.approx(5.0, abs=0.2)
@@ -454,7 +454,7 @@ def test_main_writes_a_policy_that_drives_predictor_and_worlds(
     np.testing.assert_array_equal(policy.driving_network.layers[1][0], driver.policy.second.weight.detach())
     ClosedLoopWorlds(gap=path).reset(0)
     assert policy.about["made_by"] == "python -m imitation.gail"
-    assert policy.about["settings"] == settings.decisive()
+    assert policy.about["settings"] == decisive(settings)
     assert policy.about["map"] == "bendplatz"
     assert policy.about["sha256"] == {
         "scenes": file_hash(settings.scenes),
