@@ -25,16 +25,16 @@ from intersection_env import Intersection, Predictor, Scenes, _core
 from intersection_env.policies.file import PolicyFile
 from tests.reference import predictor as reference
 from tests.support.gap_fixture import hand_made, planted_samples
+from tests.support.paths import RECORDINGS, ROOT
 from tests.support.twins import twin_map
 
-ROOT = Path(__file__).parents[2]
 torch.set_num_threads(1)  # such small networks gain nothing from more
 QUICK = GapSettings(epochs=120, batch=512, noise=0.0, calibrate=False)
 
 
 @pytest.fixture(scope="module")
 def scenes() -> Scenes:
-    return build(ROOT / "data" / "recordings", Intersection.load("bendplatz"), ["12"], progress=False)
+    return build(RECORDINGS, Intersection.load("bendplatz"), ["12"], progress=False)
 
 
 @pytest.fixture(scope="module")

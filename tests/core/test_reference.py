@@ -36,8 +36,8 @@ from tests.reference.predictor import (
     random_traffic,
     sample,
 )
+from tests.support.paths import MAPS
 
-MAPS = Path(__file__).parents[2] / "intersection_env" / "maps"
 T_JUNCTION, BENDPLATZ = load_map(MAPS / "t_junction.map"), load_map(MAPS / "bendplatz.map")
 BOTH = pytest.mark.parametrize("intersection", [T_JUNCTION, BENDPLATZ], ids=["t_junction", "bendplatz"])
 

@@ -24,9 +24,9 @@ from intersection_env import ClosedLoop, ClosedLoopWorlds, Intersection, env, pa
 from tests.conftest import MAP_NAMES
 from tests.support.episodes import WAYS, as_bytes, gentle
 from tests.support.episodes import closed_loop_episode as episode
-from tests.support.single_lane import single_lane_source
+from tests.support.paths import ROOT
+from tests.support.single_lane_junction import single_lane_source
 
-ROOT = Path(__file__).parents[2]
 CHECKS: Any = pettingzoo.test  # without annotations
 GAPS = ("critical_gap", "sumo", "gap")
 DIGEST = """

@@ -28,8 +28,8 @@ from intersection_env.scenes.scenes import RECORDED
 from intersection_env.worlds.recorded_tracks import RecordedTracks
 from tests.support.episodes import WAYS, as_bytes
 from tests.support.episodes import replay_episode as episode
+from tests.support.paths import RECORDINGS, ROOT
 
-ROOT = Path(__file__).parents[2]
 ID = "intersection_env/Replay-v0"
 GAPS = ("recording", "critical_gap", "sumo", "gap")
 STILL = np.zeros(1, np.float32)
@@ -54,7 +54,7 @@ def test_scenes_that_ship_are_what_the_recordings_that_ship_give() -> None:
     """Regenerate with `make recorded`. One recording of each split, to spare a minute."""
     recordings = ["05", "13", "17"]
     shipped = Scenes.load("bendplatz")
-    fresh = build(ROOT / "data" / "recordings", shipped.intersection, recordings, progress=False)
+    fresh = build(RECORDINGS, shipped.intersection, recordings, progress=False)
     assert {scene.split for scene in fresh} == {"train", "development", "validation"}
     arrays = pack(tuple(scene for scene in shipped if scene.recording in recordings))
     for name, values in pack(fresh.scenes).items():
@@ -63,7 +63,7 @@ def test_scenes_that_ship_are_what_the_recordings_that_ship_give() -> None:
     about = [one for one in shipped.provenance["recordings"] if one["id"] in recordings]
     assert about == fresh.provenance["recordings"]
     assert shipped.provenance | {"recordings": about} == json.loads(json.dumps(fresh.provenance))
-    assert {one["id"] for one in shipped.provenance["recordings"]} == set(recording_ids(ROOT / "data" / "recordings"))
+    assert {one["id"] for one in shipped.provenance["recordings"]} == set(recording_ids(RECORDINGS))
     assert (RECORDED / "bendplatz.npz").stat().st_size < 3e6
 
 

@@ -10,7 +10,7 @@ import pytest
 from intersection_env import Intersection, Predictor, Traffic, Vehicle, crossing_orders
 from tests.conftest import MAP_NAMES
 from tests.reference import predictor as reference
-from tests.support.single_lane import single_lane_source
+from tests.support.single_lane_junction import single_lane_source
 from tests.support.twins import CASES, random_case, twin_map
 
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from intersection_env import Intersection, Prediction, Predictor, Traffic, Vehicle, crossing_orders, rank_maneuvers
 from intersection_env.evaluation.errors import error_figures
 from intersection_env.prediction.measures import crossing_order, time_loss
-from tests.support.single_lane import single_lane_source
+from tests.support.single_lane_junction import single_lane_source
 from tests.support.twins import random_case
 
 BENDPLATZ = Intersection.load("bendplatz")

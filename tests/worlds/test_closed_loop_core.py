@@ -18,6 +18,7 @@ from tests.core.test_core import weights
 from tests.reference import predictor as reference
 from tests.reference import worlds as reference_worlds
 from tests.reference.worlds import Rules, State
+from tests.support.rollout_cases import check_rollouts
 from tests.support.twins import CASES, as_traffic, random_networks, rounded, twin_map
 from tests.support.worlds_cases import (
     FLAGS,
@@ -26,7 +27,6 @@ from tests.support.worlds_cases import (
     OUTPUTS,
     Arrays,
     agrees,
-    check_rollouts,
     closed_loop,
     core_of,
     is_on_a_knife_edge,

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import pickle
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,6 +15,9 @@ from intersection_env import Intersection, _core
 from tests.reference import predictor as reference
 from tests.reference import worlds as reference_worlds
 from tests.reference.worlds import Recording, Ride, RideStep, Scene, ride_on
+from tests.support.paths import RECORDINGS
+from tests.support.replay_cases import can_act, core_of_scenes, driven, replay, scene_of, window
+from tests.support.rollout_cases import check_rollouts
 from tests.support.twins import CASES, twin_map
 from tests.support.worlds_cases import (
     NUDGES,
@@ -23,17 +25,9 @@ from tests.support.worlds_cases import (
     REWARD_TOLERANCE,
     ROUNDING,
     Arrays,
-    can_act,
-    check_rollouts,
-    core_of_scenes,
-    driven,
-    replay,
     rules_and_policy,
-    scene_of,
-    window,
 )
 
-FOLDER = Path(__file__).parents[2] / "data" / "recordings"
 DECISIONS = ["recording", "critical_gap", "sumo", "network"]
 OUTPUTS = ("observation", "expert_observation", "expert_acceleration", "reward", "terminated", "truncated")
 STEPS = 110  # of a window; twenty seconds are two or three queues
@@ -51,7 +45,7 @@ class Windows:
 
 @pytest.fixture(scope="module")
 def windows() -> Windows:
-    scenes = build(FOLDER, Intersection.load("bendplatz"), ["12"], progress=False)
+    scenes = build(RECORDINGS, Intersection.load("bendplatz"), ["12"], progress=False)
     chosen = [window(scenes["12/0"], 60, STEPS), window(scenes["12/2"], 300, STEPS), window(scenes["12/3"], 90, STEPS)]
     where = [(k, track) for k, scene in enumerate(chosen) for track in range(len(scene.tracks))]
     return Windows(chosen, where)
