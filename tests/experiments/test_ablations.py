@@ -31,7 +31,7 @@ from experiments.reproduce.workspace import Job, Options
 from imitation.gail import PROFILES as GAIL_PROFILES
 from intersection_env.evaluation import intervals
 from intersection_env.policies.named import gap_decider
-from tests.support.training import small_scenes
+from tests.support.scenes import small_scenes
 
 Trainings = dict[Path, list[str]]
 
