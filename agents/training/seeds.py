@@ -17,6 +17,7 @@ from typing import Any
 
 from tqdm import tqdm
 
+from agents.training.command import FAILED, INTERRUPTED
 from agents.training.folder import METRICS, last_row
 from agents.training.ray import ray_for
 
@@ -38,7 +39,7 @@ def train_seeds(main: Callable[[Any], int], settings: Any) -> int:
     """
     if settings.workers:
         print("error: --seeds and --workers do not go together", file=sys.stderr)
-        return 1
+        return FAILED
     cores = max(settings.threads, 1)
     alone = {
         seed: dataclasses.replace(
@@ -52,7 +53,7 @@ def train_seeds(main: Callable[[Any], int], settings: Any) -> int:
             return _watch(ray, {seed: task.remote(main, one, os.getcwd()) for seed, one in alone.items()}, alone)
     except (OSError, ValueError) as error:
         print(f"error: {error}", file=sys.stderr)
-        return 1
+        return FAILED
 
 
 def _train(main: Callable[[Any], int], settings: Any, folder: str) -> tuple[int, str]:
@@ -90,7 +91,7 @@ def _watch(ray: Any, tasks: dict[int, Any], settings: dict[int, Any]) -> int:
                     failed, printed = _ended(ray, tasks.pop(seed))
                     tqdm.write(f"seed {seed}: {printed.strip()}", file=sys.stderr if failed else sys.stdout)
                     status = max(status, int(failed))
-    return 130 if interrupted else status
+    return INTERRUPTED if interrupted else status
 
 
 def _ended(ray: Any, task: Any) -> tuple[bool, str]:
