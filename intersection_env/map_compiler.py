@@ -1,8 +1,8 @@
-"""The command `python -m intersection_env.map_compiler`; the work is in `intersection_env/maps/compiler.py`."""
+"""The command `python -m intersection_env.map_compiler`; the same as `python -m intersection_env.maps`."""
 
 import sys
 
-from intersection_env.maps.compiler import main
+from intersection_env.maps.__main__ import main
 
 if __name__ == "__main__":
     sys.exit(main())

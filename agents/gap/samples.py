@@ -18,7 +18,8 @@ from tqdm import tqdm
 
 from intersection_env.constants import DT
 from intersection_env.features import Driving, Gap
-from intersection_env.maps.intersection import Conflict, Intersection
+from intersection_env.maps.intersection import Intersection
+from intersection_env.maps.meeting import Conflict
 from intersection_env.prediction.predictor import Predictor
 from intersection_env.scenes.scene import Scene, Track
 from intersection_env.scenes.scenes import Scenes

@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 
 from data.pipeline.shared_lanes import overlap_length, pair_gap
 from intersection_env.constants import DT
-from intersection_env.maps.intersection import Conflict, Intersection
+from intersection_env.maps.intersection import Intersection
+from intersection_env.maps.meeting import Conflict
 from intersection_env.scenes.scene import Scene, Track
 
 AT_LINE = 2.0  # [m], ours: a front bumper this close to the stop line is at it

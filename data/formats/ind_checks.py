@@ -6,21 +6,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from data.recording import PEDESTRIAN, VEHICLES, Floats, Integers
 from intersection_env import _core
 
 if TYPE_CHECKING:
     import pandas as pd
 
-VEHICLES = ("car", "truck_bus", "bicycle")
-PEDESTRIAN = "pedestrian"
 LEAST_SIZE = round(_core.LEAST_SIZE, 6)  # [m]; the core's is a float32
 MOST = {"length": _core.MOST_LENGTH, "width": _core.MOST_WIDTH}  # [m]
 SIZE_TOLERANCE = 0.1  # [m], ours: a track's size may differ by this much between its two files
-
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 
 class Files(NamedTuple):

@@ -9,10 +9,9 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from data.formats.ind import Recording
-from data.formats.ind_checks import PEDESTRIAN
 from data.pipeline.projection import Projection, RouteLine
 from data.pipeline.shared_lanes import PairGap, overlap_length, pair_gap
+from data.recording import PEDESTRIAN, Recording
 from intersection_env import _core
 from intersection_env.constants import DT
 from intersection_env.maps.intersection import Intersection

@@ -15,8 +15,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from data.formats.ind import Recording
-from data.formats.ind_checks import VEHICLES
+from data.recording import VEHICLES, Recording
 from intersection_env.maps.intersection import Intersection, Route, Sample
 from intersection_env.scenes.scene import Track
 

@@ -9,10 +9,10 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from data.formats.ind import Recording
 from data.pipeline.extrapolation import extrapolate
 from data.pipeline.filters import Interval, crossings, overtakings, touchings
 from data.pipeline.projection import project
+from data.recording import Recording
 from intersection_env.constants import DT
 from intersection_env.maps.intersection import Intersection
 from intersection_env.scenes.scene import Scene, Track

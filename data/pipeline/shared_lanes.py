@@ -14,7 +14,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from intersection_env.maps.intersection import Intersection, SharedLane
+from intersection_env.maps.intersection import Intersection
+from intersection_env.maps.meeting import SharedLane
 from intersection_env.scenes.scene import Track
 
 

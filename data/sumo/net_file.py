@@ -10,7 +10,7 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 
 from data.sumo.network import CENTRE, Network, length
-from intersection_env.maps.source import Points
+from intersection_env.maps.curve import Points
 
 
 def write(network: Network, path: Path) -> None:

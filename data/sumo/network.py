@@ -13,7 +13,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from intersection_env.maps.source import MapSource, Piece, Points, RouteSource
+from intersection_env.maps.curve import Points
+from intersection_env.maps.source import MapSource, Piece, RouteSource
 
 CENTRE = "centre"
 TURN_ACCELERATION = 3.4  # [m/s^2], ours: drivers take a turn at the speed that needs this much sideways

@@ -15,8 +15,9 @@ from numpy.typing import NDArray
 
 from intersection_env import Intersection, Predictor, Traffic, Vehicle
 from intersection_env.maps.intersection import Sample
+from intersection_env.plots.colours import INK
 from intersection_env.plots.files import write_figure
-from intersection_env.plots.map_plot import INK, draw_lanes
+from intersection_env.plots.lanes import draw_lanes
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -9,6 +9,7 @@ from gymnasium.spaces import Box
 
 from intersection_env import _core
 from intersection_env.constants import ACCELERATION, DT, FREE_SPEED, LEAD_RANGE
+from intersection_env.features import Driving
 from intersection_env.maps.intersection import Intersection, Sample
 
 ROUNDING = 0.1  # [m] and [m/s], on top of every bound: float32 along a route
@@ -38,6 +39,14 @@ def observation_space(intersection: Intersection, fastest: float, backing: bool)
     past_line = max(route.length - route.stop_line for route in routes) + beyond + 0.5 * _core.MOST_LENGTH
     before_line = max(route.stop_line for route in routes) + (beyond if backing else 0.0)
     slowest = -speed if backing else 0.0
-    low = [-past_line, slowest, 0.0, *[-turn] * 6, -_core.MOST_LENGTH, slowest, 0.0]
-    high = [before_line, speed, v_max + ROUNDING, *[turn] * 6, LEAD_RANGE, max(speed, FREE_SPEED), 1.0]
+    bounds: dict[int, tuple[float, float]] = {
+        Driving.DISTANCE_TO_STOP_LINE: (-past_line, before_line),
+        Driving.SPEED: (slowest, speed),
+        Driving.V_MAX: (0.0, v_max + ROUNDING),
+        **{column: (-turn, turn) for column in range(Driving.HEADINGS, Driving.LEAD_DISTANCE)},
+        Driving.LEAD_DISTANCE: (-_core.MOST_LENGTH, LEAD_RANGE),
+        Driving.LEAD_SPEED: (slowest, max(speed, FREE_SPEED)),
+        Driving.ENTERS: (0.0, 1.0),
+    }
+    low, high = zip(*(bounds[column] for column in range(len(bounds))), strict=True)
     return Box(np.array(low, np.float32), np.array(high, np.float32), dtype=np.float32)

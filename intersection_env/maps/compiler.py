@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import argparse
-import sys
 import zlib
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import combinations
 from pathlib import Path
@@ -15,17 +13,15 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from intersection_env.files import written_whole
-from intersection_env.maps.intersection import Intersection
-from intersection_env.maps.source import MapSource, Points, RouteSource, wrap
+from intersection_env.maps.curve import Points, wrap
+from intersection_env.maps.meeting import NEVER, SWEPT_WIDTH, Conflict, SharedLane
+from intersection_env.maps.source import MapSource, RouteSource
 
 MAGIC = "intersection_env map"
 VERSION = 1
 SPACING = 1.0  # [m], ours: linear interpolation on this grid is within 2 cm of an arc of 6 m radius
 HEADING_OFFSETS = (-10.0, -3.0, 3.0, 10.0, 30.0, 100.0)  # [m], paper, Table I
-SWEPT_WIDTH = 2.0  # [m], ours: a wide car; two routes conflict where bands this wide overlap
 MERGED_DISTANCE = 1.0  # [m], ours: nearer than this to a lane's centreline, a vehicle is in that lane
-NEVER = 1.0e6  # [m], an arc length that no vehicle reaches
 LEFT_TURN_RANK, MINOR_RANK = 1, 2
 
 
@@ -42,30 +38,15 @@ class CompiledRoute:
     rank: int
 
 
-class Conflict(NamedTuple):
-    """Route `first` yields to route `second`; intervals of arc length on each [m]."""
-
-    first: int
-    second: int
-    merging: bool
-    first_interval: tuple[float, float]
-    second_interval: tuple[float, float]
-
-
-class SharedLane(NamedTuple):
-    """Where vehicles of two routes follow each other [m].
-
-    Before `split` (same arc length on both) they share a lane from the start; from `merge_a` on a and
-    `merge_b` on b they share one to the end, where position_b = position_a + offset. A stretch that
-    does not exist has split -NEVER, or merges at NEVER.
-    """
+class Overlap(NamedTuple):
+    """Where vehicles of two routes can touch: from an arc length to another on each [m]."""
 
     a: int
     b: int
-    split: float
-    merge_a: float
-    merge_b: float
-    offset: float
+    begin_a: float
+    end_a: float
+    begin_b: float
+    end_b: float
 
 
 def compile_map(source: MapSource) -> str:
@@ -81,19 +62,18 @@ def compile_map(source: MapSource) -> str:
     routes = [_compile_route(source, route) for route in source.routes]
     conflicts: list[Conflict] = []
     shared: list[SharedLane] = []
-    overlaps: list[tuple[int, int, float, float, float, float]] = []
-    for a in range(len(routes)):
-        for b in range(a + 1, len(routes)):
-            lane = _shared_lane(a, routes[a], b, routes[b])
-            if lane is not None:
-                shared.append(lane)
-            if lane is not None and lane.split > 0.0:
-                overlaps.append((a, b, 0.0, lane.split, 0.0, lane.split))
-                continue
-            conflict = _conflict(source, a, routes[a], b, routes[b], lane)
-            if conflict is not None:
-                conflicts.append(conflict)
-                overlaps.append(_overlap(conflict, routes))
+    overlaps: list[Overlap] = []
+    for a, b in combinations(range(len(routes)), 2):
+        lane = _shared_lane(a, routes[a], b, routes[b])
+        if lane is not None:
+            shared.append(lane)
+        if lane is not None and lane.split > 0.0:
+            overlaps.append(Overlap(a, b, 0.0, lane.split, 0.0, lane.split))
+            continue
+        conflict = _conflict(source, a, routes[a], b, routes[b], lane)
+        if conflict is not None:
+            conflicts.append(conflict)
+            overlaps.append(_overlap(conflict, routes))
     return _text(source, routes, conflicts, shared, overlaps)
 
 
@@ -150,11 +130,11 @@ def _samples(
     junction_end: float,
 ) -> NDArray[np.float64]:
     s = SPACING * np.arange(int(np.ceil(line.length / SPACING)) + 1)
-    points = shapely.get_coordinates(line)
-    steps = np.diff(points, axis=0)
+    steps = np.diff(shapely.get_coordinates(line), axis=0)
     length = np.linalg.norm(steps, axis=1)
     middle = np.cumsum(length) - 0.5 * length
-    headings = np.unwrap(np.arctan2(steps[:, 1], steps[:, 0]))
+    east, north = steps.T
+    headings = np.unwrap(np.arctan2(north, east))
     heading = np.interp(s, middle, headings)
     relative = np.stack([np.interp(s + n, middle, headings) - heading for n in HEADING_OFFSETS], axis=1)
     position = shapely.get_coordinates(shapely.line_interpolate_point(line, np.minimum(s, line.length)))
@@ -169,11 +149,11 @@ def _samples(
 def _shared_lane(index_a: int, a: CompiledRoute, index_b: int, b: CompiledRoute) -> SharedLane | None:
     split, merge_a, merge_b, offset = -NEVER, NEVER, NEVER, 0.0
     if a.source.approach[0] == b.source.approach[0]:
-        apart = _first(a.line, b.line, lambda distance: distance > SWEPT_WIDTH)
+        apart = _first_where(a.line, b.line, lambda distance: distance > SWEPT_WIDTH)
         split = a.line.length if apart is None else apart
     if a.source.leaving[0] == b.source.leaving[0]:
-        near_a = _first(a.line, b.line, lambda distance: distance < MERGED_DISTANCE)
-        near_b = _first(b.line, a.line, lambda distance: distance < MERGED_DISTANCE)
+        near_a = _first_where(a.line, b.line, lambda distance: distance < MERGED_DISTANCE)
+        near_b = _first_where(b.line, a.line, lambda distance: distance < MERGED_DISTANCE)
         assert near_a is not None
         assert near_b is not None
         merge_a, merge_b, offset = near_a, near_b, b.junction[1] - a.junction[1]
@@ -201,7 +181,7 @@ def _check_later_lanes(a: RouteSource, b: RouteSource) -> None:
             raise ValueError(f'route "{route.id}" uses a lane twice')
 
 
-def _first(
+def _first_where(
     line: shapely.LineString,
     other: shapely.LineString,
     holds: Callable[[NDArray[np.float64]], NDArray[np.bool_]],
@@ -217,8 +197,8 @@ def _conflict(
     source: MapSource, index_a: int, a: CompiledRoute, index_b: int, b: CompiledRoute, lane: SharedLane | None
 ) -> Conflict | None:
     merging = lane is not None
-    bands = [shapely.buffer(route.line, SWEPT_WIDTH / 2.0, cap_style="flat") for route in (a, b)]
-    area = bands[0].intersection(bands[1])
+    swept_a, swept_b = (shapely.buffer(route.line, SWEPT_WIDTH / 2.0, cap_style="flat") for route in (a, b))
+    area = swept_a.intersection(swept_b)
     if area.is_empty or area.area < 0.05:
         return None
     corners = shapely.points(shapely.get_coordinates(area))
@@ -254,12 +234,12 @@ def _yields(source: MapSource, a: CompiledRoute, b: CompiledRoute) -> bool:
     )
 
 
-def _overlap(conflict: Conflict, routes: list[CompiledRoute]) -> tuple[int, int, float, float, float, float]:
+def _overlap(conflict: Conflict, routes: list[CompiledRoute]) -> Overlap:
     """Where the two routes' vehicles can touch: the conflict, and after a merge the lane they share."""
-    (start_a, end_a), (start_b, end_b) = conflict.first_interval, conflict.second_interval
+    (begin_a, end_a), (begin_b, end_b) = conflict.on_yielder, conflict.on_prioritized
     if conflict.merging:
-        end_a, end_b = routes[conflict.first].line.length, routes[conflict.second].line.length
-    return conflict.first, conflict.second, start_a, end_a, start_b, end_b
+        end_a, end_b = routes[conflict.yielder].line.length, routes[conflict.prioritized].line.length
+    return Overlap(conflict.yielder, conflict.prioritized, begin_a, end_a, begin_b, end_b)
 
 
 def _text(
@@ -267,7 +247,7 @@ def _text(
     routes: list[CompiledRoute],
     conflicts: list[Conflict],
     shared: list[SharedLane],
-    overlaps: list[tuple[int, int, float, float, float, float]],
+    overlaps: list[Overlap],
 ) -> str:
     stop_lanes = list(dict.fromkeys(route.source.approach[-1] for route in routes))
     lines = [f"{MAGIC} {VERSION}", f"name {source.name}"]
@@ -276,19 +256,19 @@ def _text(
     lines.append(_row("heading_offsets", len(HEADING_OFFSETS), *HEADING_OFFSETS))
     lines.append(_row("routes", len(routes)))
     for number, route in enumerate(routes):
-        wait = [c.first_interval[0] for c in conflicts if c.first == number]
-        wait += [c.second_interval[0] for c in conflicts if c.second == number]
+        begins = [one.on_yielder[0] for one in conflicts if one.yielder == number]
+        begins += [one.on_prioritized[0] for one in conflicts if one.prioritized == number]
         lines.append(f"route {route.source.id}")
         lines.append(_row("length", route.line.length))
         lines.append(_row("stop_line", route.stop_line))
         lines.append(_row("stop_lane", stop_lanes.index(route.source.approach[-1])))
         lines.append(_row("junction", *route.junction))
-        lines.append(_row("first_conflict", min(wait, default=route.line.length)))
+        lines.append(_row("first_conflict", min(begins, default=route.line.length)))
         lines.append(_row("samples", len(route.samples)))
         lines.extend(_row(*values) for values in route.samples)
     lines.append(_row("conflicts", len(conflicts)))
-    for c in conflicts:
-        lines.append(_row(c.first, c.second, int(c.merging), *c.first_interval, *c.second_interval))
+    for one in conflicts:
+        lines.append(_row(one.yielder, one.prioritized, int(one.merging), *one.on_yielder, *one.on_prioritized))
     lines.append(_row("shared_lanes", len(shared)))
     lines.extend(_row(*lane) for lane in shared)
     lines.append(_row("overlaps", len(overlaps)))
@@ -299,24 +279,3 @@ def _text(
 
 def _row(*values: object) -> str:
     return " ".join(f"{value:.9g}" if isinstance(value, float) else str(value) for value in values)
-
-
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Compiles one source file, or all that ship, and returns the exit status."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("source", nargs="?", type=Path, help="a map source (.json); default: all that ship")
-    parser.add_argument("out", nargs="?", type=Path, help="the compiled map (.map); default: beside the source")
-    options = parser.parse_args(arguments)
-    shipped = sorted(Path(__file__).parent.glob("*.json"))
-    try:
-        for source in [options.source] if options.source else shipped:
-            target = options.out or source.with_suffix(".map")
-            text = compile_file(source)
-            Intersection(text, str(source))  # what the core would refuse is not written
-            with written_whole(target) as temporary:
-                temporary.write_text(text, encoding="utf-8")
-            print(f"{source} -> {target}")
-    except (OSError, ValueError) as error:
-        print(f"error: {error}", file=sys.stderr)
-        return 1
-    return 0

@@ -6,12 +6,12 @@ from dataclasses import dataclass
 from enum import IntEnum
 from functools import cached_property
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from intersection_env import _core
+from intersection_env.maps.meeting import Conflict, SharedLane
 
 MAPS = Path(__file__).parent
 
@@ -30,6 +30,10 @@ class Sample(IntEnum):
     HEADINGS = 5
 
 
+XY = slice(Sample.X, Sample.Y + 1)
+"""Both columns of a place."""
+
+
 @dataclass(frozen=True)
 class Route:
     """A way from one arm to another; all lengths are arc lengths of its centreline [m]."""
@@ -45,35 +49,12 @@ class Route:
     first_conflict: float
     samples: NDArray[np.float32]
     """(sample, 11), columns `Sample`: x, y [m], heading [rad, unwrapped], lane width [m], v_max [m/s], relative
-    heading at the six offsets [rad]; one sample every `Intersection.spacing`."""
+    heading at the six offsets [rad]; one sample every `Intersection.spacing`, the last at or beyond the end."""
 
-
-class Conflict(NamedTuple):
-    """Route `yielder` gives way to route `prioritized`; intervals of arc length on each [m].
-
-    The yielder is guaranteed to arrive (PGA) once its rear bumper reaches the end of its interval.
-    """
-
-    yielder: int
-    prioritized: int
-    merging: bool
-    on_yielder: tuple[float, float]
-    on_prioritized: tuple[float, float]
-
-
-class SharedLane(NamedTuple):
-    """Where vehicles of routes a and b follow each other [m].
-
-    Before `split` at equal arc lengths; beyond `merge_a` on a and `merge_b` on b with
-    position_b = position_a + offset.
-    """
-
-    a: int
-    b: int
-    split: float
-    merge_a: float
-    merge_b: float
-    offset: float
+    @property
+    def entry(self) -> str:
+        """The arm from which it comes."""
+        return self.id.partition("-")[0]
 
 
 class Intersection:
@@ -140,6 +121,13 @@ class Intersection:
     def sample(self, route: int, position: NDArray[np.float32]) -> NDArray[np.float32]:
         """The columns of `Route.samples` at arc lengths `position` (n,), interpolated: (n, 11)."""
         return self.core.sample(route, position)
+
+    def sample_each(self, route: NDArray[np.integer], position: NDArray[np.float32]) -> NDArray[np.float32]:
+        """The same at one place on each of some routes, given by their indices and arc lengths (n,) [m]: (n, 11)."""
+        samples = np.empty((len(route), self.routes[0].samples.shape[1]), np.float32)
+        for row, (one, at) in enumerate(zip(route.tolist(), position[:, None], strict=True)):
+            samples[row] = self.core.sample(one, at)[0]
+        return samples
 
     @cached_property
     def conflicts(self) -> tuple[Conflict, ...]:

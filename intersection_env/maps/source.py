@@ -13,19 +13,17 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+
+from intersection_env.maps.curve import Points, connect, wrap
 
 FORMAT = "intersection_env map source"
 VERSION = 1
 RIGHTS_OF_WAY = ("priority", "yield", "stop")
 LARGEST = 2000.0  # [m], ours: local metres; a farther point has another origin, and would take minutes to compile
 MOST_LOCATION = 1_000_000  # ours: inD's ids are of one digit, ours of three
-CURVE_STEP = 0.25  # [m], ours: a polyline this fine deviates under 2 mm from a curve of 5 m radius
 TURN_ANGLE = np.radians(30.0)  # ours: a route that bends less than this runs straight
 
 KEYS = ("format", "version", "name", "about", "locations", "arms", "lanes", "stop_lines", "routes", "yields")
-
-Points = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -91,7 +89,7 @@ class MapSource:
             OSError: the file cannot be read.
         """
         try:
-            content = json.loads(Path(path).read_text(encoding="utf-8"), object_pairs_hook=_object)
+            content = json.loads(Path(path).read_text(encoding="utf-8"), object_pairs_hook=_each_key_once)
             return cls._from_json(content)
         except (json.JSONDecodeError, UnicodeDecodeError, RecursionError) as error:
             raise ValueError(f"{path}: not JSON: {error}") from None
@@ -108,10 +106,10 @@ class MapSource:
         name = content.get("name")
         if not isinstance(name, str) or not _is_word(name):
             raise ValueError(f'"name" must be one word, not {name!r}')
-        arms = {key: _arm(key, value) for key, value in _table(content, "arms").items()}
-        lanes = {key: _lane(key, value) for key, value in _table(content, "lanes").items()}
-        stop_lines = {key: _stop_line(key, value, lanes) for key, value in _table(content, "stop_lines").items()}
-        routes = tuple(_route(key, value, arms, lanes) for key, value in _table(content, "routes").items())
+        arms = {key: _arm(key, value) for key, value in _entries(content, "arms").items()}
+        lanes = {key: _lane(key, value) for key, value in _entries(content, "lanes").items()}
+        stop_lines = {key: _stop_line(key, value, lanes) for key, value in _entries(content, "stop_lines").items()}
+        routes = tuple(_route(key, value, arms, lanes) for key, value in _entries(content, "routes").items())
         if not routes:
             raise ValueError('"routes" is empty')
         yields = _yields(content.get("yields", []), {route.id for route in routes})
@@ -141,63 +139,20 @@ class MapSource:
         return _heading_in(self.lanes[route.approach[-1]])
 
 
-def wrap(angle: float) -> float:
-    """The angle in [-pi, pi) [rad]."""
-    return float((angle + np.pi) % (2.0 * np.pi) - np.pi)
-
-
-def connect(before: Points, after: Points) -> Points:
-    """A smooth curve from the end of one polyline to the start of the next: (point, 2) [m].
-
-    A turn is a circular arc, as large as fits, with a straight remainder on the longer side; a
-    lateral shift is a cubic Bezier curve.
-    """
-    start, end = before[-1], after[0]
-    t0 = (before[-1] - before[-2]) / np.linalg.norm(before[-1] - before[-2])
-    t1 = (after[1] - after[0]) / np.linalg.norm(after[1] - after[0])
-    distance = float(np.linalg.norm(end - start))
-    if distance < 1e-6:
-        return np.array([start, end])
-    cross = float(t0[0] * t1[1] - t0[1] * t1[0])
-    angle = float(np.arctan2(cross, t0 @ t1))
-    if abs(angle) > np.radians(10.0):
-        gap = end - start
-        ahead = float(gap[0] * t1[1] - gap[1] * t1[0]) / cross
-        back = float(gap[0] * t0[1] - gap[1] * t0[0]) / cross * -1.0
-        if ahead > 0.0 and back > 0.0:
-            return _arc(start, t0, ahead, end, t1, back, angle)
-    count = max(2, int(np.ceil(distance / CURVE_STEP)) + 1)
-    u = np.linspace(0.0, 1.0, count)[:, None]
-    c0, c1 = start + t0 * distance * 0.45, end - t1 * distance * 0.45
-    curve = (1 - u) ** 3 * start + 3 * (1 - u) ** 2 * u * c0 + 3 * (1 - u) * u**2 * c1 + u**3 * end
-    return np.asarray(curve)
-
-
-def _arc(start: Points, t0: Points, ahead: float, end: Points, t1: Points, back: float, angle: float) -> Points:
-    tangent = min(ahead, back)
-    radius = tangent / np.tan(abs(angle) / 2.0)
-    begin = start + t0 * (ahead - tangent)
-    normal = np.sign(angle) * np.array([-t0[1], t0[0]])
-    centre = begin + radius * normal
-    count = max(3, int(np.ceil(radius * abs(angle) / CURVE_STEP)) + 1)
-    phi = np.linspace(0.0, angle, count)[:, None]
-    spoke = begin - centre
-    rotated = np.array([-spoke[1], spoke[0]])
-    arc = centre + np.cos(phi) * spoke + np.sin(phi) * rotated
-    return np.concatenate([start[None], arc, end[None]])
-
-
 def _heading_in(lane: Lane) -> float:
-    step = lane.points[-1] - lane.points[-2]
-    return float(np.arctan2(step[1], step[0]))
+    """The heading at a lane's end [rad]."""
+    east, north = lane.points[-1] - lane.points[-2]
+    return float(np.arctan2(north, east))
 
 
 def _heading_out(lane: Lane) -> float:
-    step = lane.points[1] - lane.points[0]
-    return float(np.arctan2(step[1], step[0]))
+    """The heading at a lane's begin [rad]."""
+    east, north = lane.points[1] - lane.points[0]
+    return float(np.arctan2(north, east))
 
 
-def _object(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+def _each_key_once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    """An object of the file; JSON's own reader would keep the last of equal keys."""
     content: dict[str, Any] = {}
     for key, value in pairs:
         if key in content:
@@ -216,7 +171,8 @@ def _known_keys(where: str, value: dict[str, Any], known: tuple[str, ...]) -> No
             raise ValueError(f'{where} has an unknown key "{key}"; wanted {", ".join(known)}')
 
 
-def _table(content: dict[str, Any], key: str) -> dict[str, Any]:
+def _entries(content: dict[str, Any], key: str) -> dict[str, Any]:
+    """What stands under a key, by name."""
     value = content.get(key)
     if not isinstance(value, dict):
         raise ValueError(f'"{key}" must be an object, not {type(value).__name__}')

@@ -11,7 +11,10 @@ from numpy.typing import NDArray
 
 from intersection_env.constants import DT
 from intersection_env.files import written_whole
-from intersection_env.plots.map_plot import INK, draw_lanes, junction_extent, zoom_to_junction
+from intersection_env.maps.intersection import XY
+from intersection_env.maps.outline import directions, junction_extent, stop_lines
+from intersection_env.plots.colours import INK, KERB
+from intersection_env.plots.lanes import draw_lanes, zoom_to_junction
 from intersection_env.plots.prediction_plot import short_ids
 from intersection_env.prediction.predictor import Prediction
 
@@ -28,8 +31,10 @@ DOTS_PER_INCH = 100
 NAME_SIZE = 7.0  # [point]
 PANEL = 4.8  # [inch], width of one prediction
 MARGIN = 12.0  # [m] shown around what a map's plot shows: room for those who queue
+LONGEST_LINE = 2.0  # [m], of stop lines
+NAME_GAP = 1.5  # [m] from a vehicle to the middle of its name
 
-OUTLINE = np.array([(-0.5, -0.5), (0.36, -0.5), (0.5, -0.3), (0.5, 0.3), (0.36, 0.5), (-0.5, 0.5)])
+BODY = np.array([(-0.5, -0.5), (0.36, -0.5), (0.5, -0.3), (0.5, 0.3), (0.36, 0.5), (-0.5, 0.5)])
 """(corner, 2): a vehicle of one metre by one, its front narrowed."""
 
 
@@ -99,12 +104,12 @@ class _Stage:
         self._normalize, self._colours = Normalize(0.0, TOP_SPEED), _speed_colours()
         intersection = prediction.traffic.intersection
         draw_lanes(axes, intersection)
-        zoom_to_junction(axes, intersection)
-        (left, right), (low, high) = axes.get_xlim(), axes.get_ylim()
-        axes.set(xlim=(left - MARGIN, right + MARGIN), ylim=(low - MARGIN, high + MARGIN), xticks=[], yticks=[])
-        axes.spines[:].set_color("#c4c4c0")
+        zoom_to_junction(axes, intersection, MARGIN)
+        axes.set(xticks=[], yticks=[])
+        axes.spines[:].set_color(KERB)
         axes.set_title(title, fontsize=9.5)
-        self._draw_stop_lines()
+        for line in stop_lines(intersection, LONGEST_LINE):
+            axes.plot(*line.ends.T, color="white", linewidth=1.2)
         body: dict[str, Any] = {"edgecolor": INK, "linewidth": 0.6, "animated": True}
         self._bodies = [axes.fill([], [], **body)[0] for _ in prediction.traffic.ids]
         self._names = [_Name(axes, name) for name in short_ids(prediction.traffic)]
@@ -116,26 +121,18 @@ class _Stage:
         after = min(before + 1, len(prediction.time) - 1)
         position = (1.0 - share) * prediction.position[0, before] + share * prediction.position[0, after]
         speed = (1.0 - share) * prediction.speed[0, before] + share * prediction.speed[0, after]
-        beside: dict[int, NDArray[np.float64]] = {}
-        colours = self._colours(self._normalize(speed))
-        for i in np.flatnonzero(prediction.present[0, before]).tolist():
-            x, y, heading = traffic.intersection.sample(int(traffic.route[i]), position[i : i + 1])[0, :3]
-            forward = np.array([np.cos(heading), np.sin(heading)])
-            left = np.array([-forward[1], forward[0]])
-            shape = OUTLINE * (traffic.length[i], traffic.width[i])
-            self._bodies[i].set_xy((x, y) + shape[:, :1] * forward + shape[:, 1:] * left)
-            self._bodies[i].set_facecolor(colours[i])
+        shown = np.flatnonzero(prediction.present[0, before])
+        samples = traffic.intersection.sample_each(traffic.route[shown], position[shown])
+        centre, (ahead, left) = samples[:, XY], directions(samples)
+        colours = self._colours(self._normalize(speed[shown]))
+        for row, i in enumerate(shown.tolist()):
+            body = BODY * (traffic.length[i], traffic.width[i])
+            self._bodies[i].set_xy(centre[row] + body @ np.stack([ahead[row], left[row]]))
+            self._bodies[i].set_facecolor(colours[row])
             self._axes.draw_artist(self._bodies[i])
-            beside[i] = (x, y) - (0.5 * traffic.width[i] + 1.5) * left
-        for i, place in beside.items():  # above all bodies
+        beside = centre - (0.5 * traffic.width[shown, None] + NAME_GAP) * left
+        for i, place in zip(shown.tolist(), beside, strict=True):  # above all bodies
             self._names[i].show(place)
-
-    def _draw_stop_lines(self) -> None:
-        intersection = self._prediction.traffic.intersection
-        for route in intersection.routes:
-            x, y, heading = intersection.sample(route.index, np.array([route.stop_line], np.float32))[0, :3]
-            left = np.array([-np.sin(heading), np.cos(heading)])
-            self._axes.plot([x - left[0], x + left[0]], [y - left[1], y + left[1]], color="white", linewidth=1.2)
 
 
 class _Name:

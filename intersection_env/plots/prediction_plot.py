@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from intersection_env.plots.map_plot import INK, route_colour
+from intersection_env.plots.colours import INK, PALE, route_colour
 from intersection_env.prediction.measures import crossing_order, first_time
 from intersection_env.prediction.predictor import Prediction
 from intersection_env.traffic import Traffic
@@ -18,7 +18,6 @@ if TYPE_CHECKING:
 
     Masked = np.ma.MaskedArray[Any, np.dtype[np.float32]]
 
-QUIET = "#c9c9c6"
 SHOWN_BEFORE, SHOWN_BEYOND = 60.0, 22.0  # [m] of each approach, and beyond the first conflict, that are shown
 NUMBER_WIDTH, NUMBER_ROW = 0.36, 4.6  # [s], [m], room that the number of a crossing vehicle takes
 
@@ -90,7 +89,7 @@ def _draw_positions(axes: Axes, prediction: Prediction, changed: set[int]) -> No
     conflicting = _conflicting(traffic)
     axes.axhline(0.0, color=INK, linewidth=0.8, zorder=1.0)
     for i in range(len(traffic)):
-        colour = route_colour(traffic.intersection, int(traffic.route[i])) if i in conflicting else QUIET
+        colour = route_colour(traffic.intersection, int(traffic.route[i])) if i in conflicting else PALE
         width = 2.4 if i in changed else 1.2 if i in conflicting else 0.8
         axes.plot(prediction.time, past[:, i], color=colour, linewidth=width, zorder=2.0 + width)
     _draw_numbers(axes, traffic, past.data)
@@ -144,14 +143,14 @@ def _draw_ids(axes: Axes, prediction: Prediction, low: float) -> None:
 
 def _apart(values: NDArray[np.float64], gap: float) -> NDArray[np.float64]:
     """Ascending values moved as little as needed to be `gap` apart."""
-    groups: list[list[float]] = []  # [sum of (value - rank * gap), count], merged while they touch
+    groups: list[tuple[float, int]] = []  # sum of (value - rank * gap), and how many; merged while they touch
     for value in values.tolist():
-        groups.append([value, 1.0])
-        while len(groups) > 1 and groups[-2][0] / groups[-2][1] + groups[-2][1] * gap > groups[-1][0] / groups[-1][1]:
-            total, count = groups.pop()
-            groups[-1][0] += total - count * groups[-1][1] * gap
-            groups[-1][1] += count
-    return np.array([total / count + rank * gap for total, count in groups for rank in range(int(count))])
+        total, count = value, 1
+        while groups and groups[-1][0] / groups[-1][1] + groups[-1][1] * gap > total / count:
+            before, count_before = groups.pop()
+            total, count = before + (total - count * count_before * gap), count_before + count
+        groups.append((total, count))
+    return np.array([total / count + rank * gap for total, count in groups for rank in range(count)])
 
 
 def _draw_key(figure: Figure, traffic: Traffic, with_recorded: bool, with_changed: bool) -> None:
@@ -160,11 +159,11 @@ def _draw_key(figure: Figure, traffic: Traffic, with_recorded: bool, with_change
     arms: dict[str, str] = {}
     for i in _conflicting(traffic):
         route = traffic.intersection.routes[traffic.route[i]]
-        arms[route.id.partition("-")[0]] = route_colour(traffic.intersection, route.index)
+        arms[route.entry] = route_colour(traffic.intersection, route.index)
     entries = [Line2D([], [], color=colour, linewidth=1.6, label=f"from {arm}") for arm, colour in sorted(arms.items())]
     if with_changed:
         entries.append(Line2D([], [], color=INK, linewidth=2.4, label="crosses in another order"))
-    entries.append(Line2D([], [], color=QUIET, linewidth=0.8, label="no open conflict"))
+    entries.append(Line2D([], [], color=PALE, linewidth=0.8, label="no open conflict"))
     if with_recorded:
         entries.append(Line2D([], [], color=INK, linewidth=0.9, linestyle=(0, (3.0, 2.0)), label="as recorded"))
     figure.legend(handles=entries, loc="outside lower center", ncols=len(entries), fontsize=8, frameon=False)

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from intersection_env.maps.intersection import Intersection
+from intersection_env.maps.outline import extent, inside
 
 VIEW = 60.0  # [m], ours: shows the junction and most of what is still decided there
 BORDER = 6.0  # [m] shown beside the outermost points of a whole map
@@ -46,16 +47,12 @@ class Camera:
         if view is not None and not (np.isfinite(view) and view > 0.0):
             raise ValueError(f"view is {view} m; wanted more than 0 m, or None for the whole map")
         if view is None:
-            points = np.concatenate([route.samples[:, :2] for route in intersection.routes]).astype(np.float64)
-            extent = np.ptp(points, axis=0) + 2.0 * BORDER
-            scale = float(min(width / extent[0], height / extent[1]))
+            shown = extent(route.samples for route in intersection.routes)
+            scale = float(np.min(size / (np.ptp(shown, axis=0) + 2.0 * BORDER)))
         else:
-            stretches = [
-                route.samples[_inside(route.junction, intersection.spacing), :2] for route in intersection.routes
-            ]
-            points = np.concatenate(stretches).astype(np.float64)
+            shown = extent(inside(intersection, route) for route in intersection.routes)
             scale = min(width, height) / (2.0 * view)
-        x, y = (0.5 * (points.min(axis=0) + points.max(axis=0))).tolist()
+        x, y = shown.mean(axis=0).tolist()
         return cls(width, height, scale, x, y)
 
     @property
@@ -83,8 +80,3 @@ class Camera:
         """Where points of the map (..., 2) [m] lie in the picture, from its upper left corner [pixel]."""
         place = (points - np.array((self.x, self.y))) * (self.scale, -self.scale)
         return np.asarray(place + 0.5 * np.array((self.width, self.height)), dtype=np.float64)
-
-
-def _inside(junction: tuple[float, float], spacing: float) -> slice:
-    """The samples of a route within its junction."""
-    return slice(int(junction[0] / spacing), int(junction[1] / spacing) + 2)

@@ -19,6 +19,7 @@ INK: Colour = (43, 43, 43)
 DIM: Colour = (92, 92, 90)
 HELD: Colour = (205, 38, 38)
 LETTER_SIZE = 15.0  # [nominal pixel]
+MARGIN = 14.0  # [nominal pixel] between letters and the border of the picture
 FINER = 3  # shapes are drawn this many times larger, then averaged
 SHRINK = 0.5 / FINER  # [pixel], by which pygame draws a shape too large on each side
 DASH, GAP = 6.0, 4.0  # [nominal pixel]
@@ -108,13 +109,14 @@ def draw_arrows(
 ) -> None:
     """Draws arrows from tails to tips, (arrow, 2) [pixel]; none where they are nearer than a head is long."""
     way = tips - tails
-    length = np.hypot(way[:, 0], way[:, 1])
+    length = np.hypot(*way.T)
     kept = length > HEAD_LENGTH * unit
     tails, tips, way, length = tails[kept], tips[kept], way[kept], length[kept, None]
     if not len(tails):
         return
     along = way / length
-    across = HEAD_HALF * unit * np.stack([-along[:, 1], along[:, 0]], axis=1)
+    right, down = along.T
+    across = HEAD_HALF * unit * np.stack([-down, right], axis=1)
     necks = tips - HEAD_LENGTH * unit * along
     for tail, neck, step, shaft in zip(tails - 0.5, necks - 0.5, along, length[:, 0].tolist(), strict=True):
         if not style.dashed:

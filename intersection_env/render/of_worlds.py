@@ -70,10 +70,8 @@ def replay_snapshot(worlds: ReplayWorlds, world: int) -> Snapshot:
 
 
 def _v_max(worlds: ClosedLoopWorlds | ReplayWorlds, vehicles: dict[str, NDArray[Any]]) -> NDArray[np.float32]:
-    limits = [
-        worlds.intersection.sample(route, position)[0, Sample.V_MAX]
-        for route, position in zip(vehicles["route"].tolist(), vehicles["position"][:, None], strict=True)
-    ]
+    """What each vehicle may drive where it is: (vehicle,) [m/s]."""
+    limits = worlds.intersection.sample_each(vehicles["route"], vehicles["position"])[:, Sample.V_MAX]
     return np.asarray(np.minimum(limits, vehicles["max_speed"]), np.float32)
 
 
@@ -89,7 +87,9 @@ def _waits(
     core_map = worlds.intersection.core
     traffic = _core.Traffic(core_map, *on_map.values())
     pairs = _core.conflicts(core_map, traffic)
-    if isinstance(worlds, ReplayWorlds) and worlds.is_recorded:
-        return pairs[held[pairs[:, 0]]]
-    _, _, accepts = _core.Predictor(core_map, worlds.policy).observe(traffic)
-    return pairs[held[pairs[:, 0]] & ~accepts.view(np.bool_)]
+    yielder, _ = pairs.T
+    waits: NDArray[np.bool_] = held[yielder]
+    if not (isinstance(worlds, ReplayWorlds) and worlds.is_recorded):
+        _, _, accepts = _core.Predictor(core_map, worlds.policy).observe(traffic)
+        waits = waits & ~accepts.view(np.bool_)
+    return pairs[waits]

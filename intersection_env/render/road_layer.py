@@ -11,10 +11,10 @@ import pygame
 import shapely
 from numpy.typing import NDArray
 
-from intersection_env.maps.intersection import Intersection, Route, Sample
-from intersection_env.plots.map_plot import CLOSED_GAP
+from intersection_env.maps.intersection import Intersection
+from intersection_env.maps.outline import outside, painted_stop_lines, pavement, polygons, sides
 from intersection_env.render.camera import Camera
-from intersection_env.render.ink import DIM, INK, SPEEDS, Colour, Lettering
+from intersection_env.render.ink import DIM, INK, MARGIN, SPEEDS, Colour, Lettering
 
 if TYPE_CHECKING:
     from shapely.geometry.base import BaseGeometry
@@ -27,11 +27,9 @@ STOP: Colour = (96, 96, 94)
 FINER = 4  # the road is drawn this many times larger, then averaged
 EXACT = 0.01  # [m], to which the borders of the road are drawn
 SHOWN_BEYOND = 1.0  # [m] outside the picture, where areas are cut off
-MARKED = 2.0  # [m] from the junction at which lane borders begin
-STOP_WIDTH, LINE_LENGTH = 0.5, 2.8  # [m], of a stop line: how thick, and how long at most
-SAME_LINE = 2.0  # [m] between stop lines of one lane that are drawn as one
+BORDER_WIDTH, STOP_WIDTH = 0.12, 0.5  # [m], how thick the border of a lane, and a stop line, are at least
+LONGEST_LINE = 2.8  # [m], of stop lines
 LENGTHS = (1, 2, 5, 10, 20, 50, 100, 200, 500)  # [m], of which a scale bar may be
-MARGIN = 14.0  # [nominal pixel] between letters and the border
 
 
 @lru_cache(maxsize=16)
@@ -54,65 +52,21 @@ def still(intersection: Intersection, camera: Camera) -> NDArray[np.uint8]:
 def _shapes(intersection: Intersection, camera: Camera) -> Iterator[tuple[BaseGeometry, Colour]]:
     """Areas on the map [m] and their colours, each above those before."""
     pixel = camera.stroke / camera.scale
-    bands = [
-        shapely.make_valid(shapely.Polygon(np.concatenate([left, right[::-1]])))
-        for left, right in (_sides(route.samples) for route in intersection.routes)
-    ]
-    paved = shapely.union_all(bands).simplify(EXACT).buffer(CLOSED_GAP).buffer(-CLOSED_GAP)
+    paved = pavement((route.samples.astype(np.float64) for route in intersection.routes), EXACT)
     yield paved, ASPHALT
     borders = [
         shapely.LineString(side).simplify(EXACT)
         for route in intersection.routes
-        for stretch in _outside(route, intersection.spacing)
-        for side in _sides(stretch)
+        for stretch in outside(intersection, route)
+        for side in sides(stretch.astype(np.float64))
     ]
-    yield shapely.union_all(borders).buffer(0.5 * max(pixel, 0.12), cap_style="flat"), MARKING
+    yield shapely.union_all(borders).buffer(0.5 * max(pixel, BORDER_WIDTH), cap_style="flat"), MARKING
     yield paved.boundary.buffer(0.5 * pixel), KERB
-    for must_yield in (False, True):
-        lines = shapely.union_all([shapely.LineString(ends) for ends in _stop_lines(intersection, must_yield)])
-        yield lines.buffer(0.5 * max(STOP_WIDTH, 1.5 * pixel), cap_style="flat"), STOP if must_yield else MARKING
-
-
-def _sides(samples: NDArray[np.float32]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """The left and the right border of a lane along its samples: (sample, 2) [m] each."""
-    heading, half = samples[:, Sample.HEADING].astype(np.float64), 0.5 * samples[:, [Sample.WIDTH]].astype(np.float64)
-    left = half * np.stack([-np.sin(heading), np.cos(heading)], axis=1)
-    return samples[:, :2] + left, samples[:, :2] - left
-
-
-def _outside(route: Route, spacing: float) -> Iterator[NDArray[np.float32]]:
-    """The samples of a route's approach and of its exit, where lanes are marked."""
-    begin, end = (route.junction[0] - MARKED) / spacing, (route.junction[1] + MARKED) / spacing
-    for stretch in (route.samples[: max(0, int(begin))], route.samples[int(np.ceil(end)) :]):
-        if len(stretch) > 1:
-            yield stretch
-
-
-def _stop_lines(intersection: Intersection, must_yield: bool) -> Iterator[NDArray[np.float64]]:
-    """The ends of the stop lines of lanes from which some route has to yield, or of the others: each (2, 2) [m].
-
-    Where routes of one lane stop at about the same place, they share one line; all lie across their approach.
-    """
-    yielding = {conflict.yielder for conflict in intersection.conflicts}
-    lanes: dict[int, list[list[Route]]] = {}
-    for route in sorted(intersection.routes, key=lambda route: route.stop_line):
-        lines = lanes.setdefault(route.stop_lane, [])
-        if lines and route.stop_line - lines[-1][0].stop_line < SAME_LINE:
-            lines[-1].append(route)
-        else:
-            lines.append([route])
-    for line in (line for lines in lanes.values() for line in lines):
-        if any(route.index in yielding for route in line) == must_yield:
-            ends = [_sides(_at_stop_line(intersection, route)) for route in line]
-            yield np.mean([np.concatenate(pair) for pair in ends], axis=0)
-
-
-def _at_stop_line(intersection: Intersection, route: Route) -> NDArray[np.float32]:
-    at = intersection.sample(route.index, np.array([route.stop_line], np.float32))
-    approach = intersection.sample(route.index, np.array([route.junction[0]], np.float32))
-    at[:, Sample.HEADING] = approach[:, Sample.HEADING]
-    at[:, Sample.WIDTH] = np.minimum(at[:, Sample.WIDTH], LINE_LENGTH)
-    return at
+    stop_lines = list(painted_stop_lines(intersection, LONGEST_LINE))
+    for must_yield, colour in ((False, MARKING), (True, STOP)):
+        lines = [shapely.LineString(line.ends) for line in stop_lines if line.must_yield == must_yield]
+        thick = max(STOP_WIDTH, 1.5 * pixel)
+        yield shapely.union_all(lines).buffer(0.5 * thick, cap_style="flat"), colour
 
 
 def _fill(surface: pygame.Surface, shape: BaseGeometry, camera: Camera, colour: Colour) -> None:
@@ -120,8 +74,8 @@ def _fill(surface: pygame.Surface, shape: BaseGeometry, camera: Camera, colour: 
     mask = pygame.Surface(surface.get_size(), depth=8)
     mask.set_palette([(0, 0, 0), colour])
     mask.set_colorkey((0, 0, 0))
-    parts = [part for part in shapely.get_parts(shape) if isinstance(part, shapely.Polygon) and not part.is_empty]
-    for part in sorted(parts, key=lambda part: -shapely.Polygon(part.exterior).area):  # islands after what is around
+    # Islands come after what is around them.
+    for part in sorted(polygons(shape), key=lambda part: -shapely.Polygon(part.exterior).area):
         for inked, ring in ((1, part.exterior), *((0, hole) for hole in part.interiors)):
             corners = np.rint(FINER * camera.pixels(np.asarray(ring.coords)) - 0.5)
             pygame.draw.polygon(mask, inked, corners.tolist())

@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, fields
 
 import numpy as np
 import pygame
 from numpy.typing import NDArray
 
-from intersection_env.maps.intersection import Intersection, Sample
+from intersection_env.maps.intersection import XY, Intersection
+from intersection_env.maps.outline import directions
 from intersection_env.render.camera import Camera
 from intersection_env.render.ink import (
     DIM,
     HELD,
     INK,
+    MARGIN,
     SECOND,
     SHRINK,
     SPEEDS,
@@ -24,18 +25,15 @@ from intersection_env.render.ink import (
     draw_arrows,
     paint,
 )
-from intersection_env.render.road_layer import MARGIN
-
-if TYPE_CHECKING:
-    from intersection_env.render.snapshot import Ghosts, Snapshot
+from intersection_env.render.snapshot import Ghosts, Snapshot
 
 BODY = np.array([(-1, -1), (1, -1), (1, -1), (1, 1), (1, 1), (-1, 1), (-1, 1), (-1, -1)], dtype=np.float64)
 CUT = np.array(
     [(0.12, 0.0), (-0.45, 0.0), (0.0, 0.32), (0.0, -0.32), (-0.45, 0.0), (0.12, 0.0), (0.0, -0.12), (0.0, 0.12)]
 )
 """A body's eight corners from its centre: `BODY` half lengths and widths, and `CUT` metres."""
-GLASS = np.array([(0.24, 0.82), (0.42, 0.66), (0.42, -0.66), (0.24, -0.82)])
-"""A windscreen's corners: shares of a car's length behind the front, of half the width to the left."""
+GLASS_BEHIND, GLASS_ASIDE = np.array([(0.24, 0.42, 0.42, 0.24), (0.82, 0.66, -0.66, -0.82)])
+"""A windscreen's corners: shares of a car's length behind the front, and of half its width to the left."""
 GLASS_CAR = 5.0  # [m], length beyond which a windscreen stays where it is
 EDGE = 0.8  # [nominal pixel], a body's outline
 LEAST_INSIDE = 0.65  # share of a body's length and width that its outline leaves to its colour
@@ -47,70 +45,69 @@ CLEAR = 0.4  # [m] between an arrow's tip and the vehicle it points to
 
 @dataclass(frozen=True, eq=False)
 class Bodies:
-    """Where the bodies of some vehicles lie: all (vehicle, 2).
+    """Where the bodies of some vehicles lie: all (vehicle, 2) but the halves.
 
-    centre: [m]; forward, left: unit vectors; half: half their lengths and widths [m].
+    centre: [m]; forward, left: unit vectors; half_length, half_width: (vehicle, 1) [m].
     """
 
     centre: NDArray[np.float64]
     forward: NDArray[np.float64]
     left: NDArray[np.float64]
-    half: NDArray[np.float64]
+    half_length: NDArray[np.float64]
+    half_width: NDArray[np.float64]
 
     @classmethod
     def of(cls, intersection: Intersection, vehicles: Snapshot | Ghosts) -> Bodies:
         """The bodies of these vehicles."""
-        positions = zip(vehicles.route.tolist(), vehicles.position[:, None], strict=True)
-        poses = [intersection.sample(route, position)[0, :3] for route, position in positions]
-        table = np.array(poses, dtype=np.float64).reshape(-1, 3)
-        forward = np.stack([np.cos(table[:, Sample.HEADING]), np.sin(table[:, Sample.HEADING])], axis=1)
-        left = np.stack([-forward[:, 1], forward[:, 0]], axis=1)
-        half = 0.5 * np.stack([vehicles.length, vehicles.width], axis=1).astype(np.float64)
-        return cls(table[:, :2], forward, left, half)
+        samples = intersection.sample_each(vehicles.route, vehicles.position).astype(np.float64)
+        halves = (0.5 * size[:, None].astype(np.float64) for size in (vehicles.length, vehicles.width))
+        return cls(samples[:, XY], *directions(samples), *halves)
 
     def one(self, index: int) -> Bodies:
         """One of the bodies alone."""
         which = slice(index, index + 1)
-        return Bodies(self.centre[which], self.forward[which], self.left[which], self.half[which])
+        return Bodies(*(getattr(self, field.name)[which] for field in fields(self)))
 
     def __len__(self) -> int:
         return len(self.centre)
 
     def outlines(self, wider: float) -> NDArray[np.float64]:
         """The corners of all bodies, so much wider on each side [m]: (vehicle, 8, 2) [m]."""
-        half = np.maximum(self.half + wider, LEAST_INSIDE * self.half)
-        return self.place(half[:, None] * BODY + np.minimum(1.0, half[:, None, 1:]) * CUT)
+        half = np.stack([self.half_length, self.half_width], axis=2)
+        half = np.maximum(half + wider, LEAST_INSIDE * half)
+        _, half_width = np.split(half, 2, axis=2)
+        return self.place(half * BODY + np.minimum(1.0, half_width) * CUT)
 
     def place(self, local: NDArray[np.float64]) -> NDArray[np.float64]:
         """Points given by metres ahead of and to the left of each centre: (vehicle, point, 2) [m]."""
-        turned = local[..., :1] * self.forward[:, None] + local[..., 1:] * self.left[:, None]
-        return np.asarray(self.centre[:, None] + turned)
+        ahead, aside = np.split(local, 2, axis=2)
+        return np.asarray(self.centre[:, None] + ahead * self.forward[:, None] + aside * self.left[:, None])
 
     def glass(self) -> NDArray[np.float64]:
         """The corners of all windscreens: (vehicle, 4, 2) [m]."""
-        car = np.minimum(2.0 * self.half[:, :1], GLASS_CAR)
-        ahead, aside = self.half[:, :1] - car * GLASS[:, 0], self.half[:, 1:] * GLASS[:, 1]
-        return self.place(np.stack([ahead, aside], axis=2))
+        car = np.minimum(2.0 * self.half_length, GLASS_CAR)
+        return self.place(np.stack([self.half_length - car * GLASS_BEHIND, self.half_width * GLASS_ASIDE], axis=2))
 
     def bars(self, depth: float) -> NDArray[np.float64]:
         """The corners of bars before all fronts: (vehicle, 4, 2) [m]."""
-        near = self.half[:, :1] + BAR_GAP
+        near = self.half_length + BAR_GAP
         ahead = np.concatenate([near, near + depth, near + depth, near], axis=1)
-        return self.place(np.stack([ahead, self.half[:, 1:] * (1.0, 1.0, -1.0, -1.0)], axis=2))
+        return self.place(np.stack([ahead, self.half_width * (1.0, 1.0, -1.0, -1.0)], axis=2))
 
     def fronts(self, ahead: float) -> NDArray[np.float64]:
         """The points so far ahead of the bodies [m]: (vehicle, 2) [m]."""
-        return np.asarray(self.centre + (self.half[:, :1] + ahead) * self.forward)
+        return np.asarray(self.centre + (self.half_length + ahead) * self.forward)
 
     def borders(self, which: NDArray[np.integer], points: NDArray[np.float64]) -> NDArray[np.float64]:
         """Where the ways from points (n, 2) to the centres of bodies `which` meet their borders, or a little before."""
         way = points - self.centre[which]
-        ahead = np.abs((way * self.forward[which]).sum(axis=1))
-        aside = np.abs((way * self.left[which]).sum(axis=1))
-        half = self.half[which]
-        inside = np.minimum(half[:, 0] / np.maximum(ahead, 1e-6), half[:, 1] / np.maximum(aside, 1e-6))
+        ahead = np.abs((way * self.forward[which]).sum(axis=1, keepdims=True))
+        aside = np.abs((way * self.left[which]).sum(axis=1, keepdims=True))
+        inside = np.minimum(
+            self.half_length[which] / np.maximum(ahead, 1e-6), self.half_width[which] / np.maximum(aside, 1e-6)
+        )
         share = np.minimum(1.0, inside + CLEAR / np.maximum(np.hypot(ahead, aside), 1e-6))
-        return np.asarray(self.centre[which] + share[:, None] * way)
+        return np.asarray(self.centre[which] + share * way)
 
 
 def draw_snapshot(
@@ -122,8 +119,9 @@ def draw_snapshot(
     bodies = Bodies.of(intersection, snapshot)
     for pairs, style in ((snapshot.waits_for, WAITING), (snapshot.assigned, SECOND)):
         if len(pairs):
-            tails = bodies.fronts(BAR_GAP + BAR_DEPTH)[pairs[:, 0]]
-            tips = bodies.borders(pairs[:, 1], tails)
+            waiting, awaited = pairs.T
+            tails = bodies.fronts(BAR_GAP + BAR_DEPTH)[waiting]
+            tips = bodies.borders(awaited, tails)
             draw_arrows(surface, camera.pixels(tails), camera.pixels(tips), style, camera.stroke)
     if snapshot.highlight is not None:
         _draw_ring(surface, camera, bodies.one(snapshot.highlight))
@@ -164,7 +162,7 @@ def _draw_letters(
 ) -> None:
     unit = camera.letter
     if snapshot.labels is not None:
-        aside = bodies.centre - (bodies.half[:, 1:] + LABEL_GAP) * bodies.left
+        aside = bodies.centre - (bodies.half_width + LABEL_GAP) * bodies.left
         for (x, y), label in zip(camera.pixels(aside).tolist(), snapshot.labels, strict=True):
             lettering.draw(surface, label, (x, y + 5.0 * unit), DIM, align=0.5)
     lines = [] if snapshot.time is None else [(f"{snapshot.time:.1f} s", INK)]

@@ -8,7 +8,7 @@ from agents.gap.train import GapSettings, train_network
 from intersection_env import Predictor
 from intersection_env.policies.file import PolicyFile
 from tests.support.gap_samples import planted
-from tests.support.paths import ROOT
+from tests.support.paths import PACKAGE
 
 QUICK = GapSettings(epochs=120, batch=512, noise=0.0, calibrate=False)
 FOE_SPEED = (3.0, 15.0)  # [m/s]
@@ -23,7 +23,7 @@ def test_planted_rule_is_learned_to_99_percent() -> None:
 
 
 def test_shipped_gap_policy_says_where_it_comes_from() -> None:
-    policy = PolicyFile.read(ROOT / "intersection_env" / "policies" / "gap.policy")
+    policy = PolicyFile.read(PACKAGE / "policies" / "gap.policy")
     assert policy.about["made_by"] == "python -m agents.gap"
     assert policy.about["development"]["recorded"]["accuracy"] > 0.9
     assert Predictor.load("gap").policy.driver == "idm"

@@ -13,10 +13,12 @@ from PIL import Image
 
 from intersection_env import Intersection, Prediction, Predictor, Traffic, Vehicle
 from intersection_env.files import written_whole
+from intersection_env.maps.intersection import XY
 from intersection_env.plots import animation
+from intersection_env.plots.__main__ import main
 from intersection_env.plots.animation import animate
 from intersection_env.plots.files import write_figure
-from intersection_env.plots.map_plot import main, plot_map
+from intersection_env.plots.map_plot import plot_map
 from intersection_env.plots.prediction_plot import plot_positions, short_ids
 
 
@@ -63,7 +65,7 @@ def test_map_names_every_route_beside_its_own_centreline(intersection: Intersect
     axes = plot_map(intersection)
     places = texts(axes)
     for route in intersection.routes:
-        distance = np.linalg.norm(route.samples[:, :2] - np.array(places[route.id]), axis=1)
+        distance = np.linalg.norm(route.samples[:, XY] - np.array(places[route.id]), axis=1)
         assert distance.min() < 1.0
 
 
@@ -71,7 +73,7 @@ def test_map_marks_a_pga_for_every_conflict_where_the_yielder_reaches_it(interse
     axes = plot_map(intersection)
     marks = [np.concatenate(line.get_data()).astype(float) for line in axes.lines if line.get_marker() == "D"]
     wanted = [
-        intersection.sample(one.yielder, np.array([one.on_yielder[1]], np.float32))[0, :2]
+        intersection.sample(one.yielder, np.array([one.on_yielder[1]], np.float32))[0, XY]
         for one in intersection.conflicts
     ]
     np.testing.assert_allclose(sorted(map(tuple, marks)), sorted(map(tuple, wanted)), atol=1e-4)
@@ -82,7 +84,7 @@ def test_map_shows_every_stop_line_and_conflict_at_equal_scales(intersection: In
     (left, right), (low, high) = axes.get_xlim(), axes.get_ylim()
     for route in intersection.routes:
         for position in (route.stop_line, min(route.first_conflict, route.length)):
-            x, y = intersection.sample(route.index, np.array([position], np.float32))[0, :2]
+            x, y = intersection.sample(route.index, np.array([position], np.float32))[0, XY]
             assert left < x < right
             assert low < y < high
     assert axes.get_aspect() == 1.0

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import subprocess
 import sys
 import time
 from dataclasses import replace
@@ -14,6 +13,7 @@ from gymnasium.error import DependencyNotInstalled
 from numpy.typing import NDArray
 
 from intersection_env import Intersection
+from intersection_env.maps.intersection import XY, Sample
 from intersection_env.render.ink import HELD, INK, SECOND, SPEEDS, WAITING, Colour
 from intersection_env.render.renderer import Renderer
 from intersection_env.render.road_layer import ASPHALT
@@ -74,8 +74,8 @@ def place_of(renderer: Renderer, intersection: Intersection, route: str, positio
     camera = renderer.camera
     return np.array(
         [
-            camera.width / 2 + camera.scale * (sample[0] - camera.x),
-            camera.height / 2 - camera.scale * (sample[1] - camera.y),
+            camera.width / 2 + camera.scale * (sample[Sample.X] - camera.x),
+            camera.height / 2 - camera.scale * (sample[Sample.Y] - camera.y),
         ]
     )
 
@@ -245,7 +245,7 @@ def test_vehicles_out_of_sight_change_nothing(intersection: Intersection) -> Non
 def test_vehicle_wider_than_the_picture_fills_it(t_junction: Intersection) -> None:
     renderer = Renderer(t_junction, (200, 200), view=0.5)
     route = next(one for one in t_junction.routes if one.id == WEST_EAST)
-    nearest = int(np.argmin(np.hypot(*(route.samples[:, :2] - (renderer.camera.x, renderer.camera.y)).T)))
+    nearest = int(np.argmin(np.hypot(*(route.samples[:, XY] - (renderer.camera.x, renderer.camera.y)).T)))
     snapshot = replace(
         snapshot_of(t_junction, (WEST_EAST, float(nearest)), length=18.0), width=np.array([18.0], np.float32)
     )
@@ -320,14 +320,3 @@ def test_impossible_pictures_are_refused(
 ) -> None:
     with pytest.raises(ValueError, match=message):
         Renderer(t_junction, size, view)
-
-
-def test_pygame_is_loaded_by_a_renderer_alone_and_without_a_greeting() -> None:
-    code = (
-        "import sys; from intersection_env import Intersection; from intersection_env.render.renderer import Renderer;"
-        "print('pygame' in sys.modules, 'shapely' in sys.modules); Renderer(Intersection.load('t_junction'), (64, 64));"
-        "print('pygame' in sys.modules, 'matplotlib' in sys.modules, 'torch' in sys.modules)"
-    )
-    done = subprocess.run([sys.executable, "-W", "error", "-c", code], capture_output=True, text=True, check=False)
-    assert done.stderr == ""
-    assert done.stdout == "False False\nTrue False False\n"

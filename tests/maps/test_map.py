@@ -13,8 +13,9 @@ import pytest
 import shapely
 
 from intersection_env import Intersection, Predictor, Traffic, Vehicle, rank_maneuvers
-from intersection_env.maps.compiler import compile_map, main
-from intersection_env.maps.intersection import MAPS, Sample
+from intersection_env.maps.__main__ import main
+from intersection_env.maps.compiler import compile_map
+from intersection_env.maps.intersection import MAPS, XY, Sample
 from intersection_env.maps.source import MapSource
 from tests.conftest import MAP_NAMES
 from tests.support.damage import damages, thinned, with_checksum
@@ -38,10 +39,11 @@ def test_shipped_map_is_what_its_source_compiles_to(name: str) -> None:
 
 def test_samples_follow_the_centreline(intersection: Intersection) -> None:
     for route in intersection.routes:
-        assert np.linalg.norm(np.diff(route.samples[:, :2], axis=0), axis=1) == pytest.approx(1.0, abs=0.02)
-        step = np.diff(route.samples[:, :2], axis=0)
-        direction = np.arctan2(step[:, 1], step[:, 0])
-        middle = 0.5 * (route.samples[1:, 2] + route.samples[:-1, 2])
+        assert np.linalg.norm(np.diff(route.samples[:, XY], axis=0), axis=1) == pytest.approx(1.0, abs=0.02)
+        step = np.diff(route.samples[:, XY], axis=0)
+        east, north = step.T
+        direction = np.arctan2(north, east)
+        middle = 0.5 * (route.samples[1:, Sample.HEADING] + route.samples[:-1, Sample.HEADING])
         assert np.abs(np.angle(np.exp(1j * (direction - middle)))).max() < 0.05
 
 
@@ -51,7 +53,7 @@ def test_relative_headings_are_headings_elsewhere_on_the_route(intersection: Int
             at = np.clip(np.arange(len(route.samples)) + offset, 0, len(route.samples) - 1)
             expected = route.samples[at, Sample.HEADING] - route.samples[:, Sample.HEADING]
             inner = slice(10, max(11, len(route.samples) - 101))
-            assert np.abs(route.samples[inner, 5 + column] - expected[inner]).max() < 0.02
+            assert np.abs(route.samples[inner, Sample.HEADINGS + column] - expected[inner]).max() < 0.02
 
 
 def test_conflicts_begin_behind_the_stop_line_and_lie_on_both_routes(intersection: Intersection) -> None:
@@ -60,8 +62,8 @@ def test_conflicts_begin_behind_the_stop_line_and_lie_on_both_routes(intersectio
         a, b = intersection.routes[conflict.yielder], intersection.routes[conflict.prioritized]
         for route, interval in ((a, conflict.on_yielder), (b, conflict.on_prioritized)):
             assert route.stop_line - 0.5 <= interval[0] < interval[1] <= route.length
-        middle = intersection.sample(a.index, np.array([sum(conflict.on_yielder) / 2], np.float32))[0, :2]
-        assert shapely.Point(middle).distance(shapely.LineString(b.samples[:, :2])) < 2.0
+        middle = intersection.sample(a.index, np.array([sum(conflict.on_yielder) / 2], np.float32))[0, XY]
+        assert shapely.Point(middle).distance(shapely.LineString(b.samples[:, XY])) < 2.0
 
 
 def test_bendplatz_has_the_right_of_way_of_its_signs() -> None:
@@ -96,8 +98,8 @@ def test_two_routes_of_one_exit_agree_on_the_shared_lane(intersection: Intersect
     assert merging
     for lane in merging:
         s = np.arange(lane.merge_a + 8.0, intersection.routes[lane.a].length - 1.0, 3.0, dtype=np.float32)
-        one = intersection.sample(lane.a, s)[:, :2]
-        other = intersection.sample(lane.b, s + np.float32(lane.offset))[:, :2]
+        one = intersection.sample(lane.a, s)[:, XY]
+        other = intersection.sample(lane.b, s + np.float32(lane.offset))[:, XY]
         assert np.abs(one - other).max() < 0.05
 
 

@@ -11,6 +11,7 @@ import math
 import numpy as np
 import pytest
 
+from intersection_env.features import Driving
 from tests.support.worlds_cases import Placed, rewards
 
 TOWN = 50 / 3.6  # m/s, v_max of the main road
@@ -223,8 +224,10 @@ def test_vehicle_that_leaves_is_judged_as_if_alone_and_flagged() -> None:
     assert float(seen["reward"][0]) == pytest.approx(2 - 0.01 - 20 / TOWN * (TOWN - 10), abs=1e-2)
     assert seen["reinserted"].tolist() == [True, False]
     assert not (seen["terminated"] | seen["truncated"]).any()
-    assert seen["final_observation"][0, [1, 9, 10, 11]] == pytest.approx([10.0, 100.0, 100 / 3.6, 1.0], abs=1e-4)
-    assert seen["final_observation"][0, 0] == pytest.approx(149 - 322.5, abs=1e-3)
+    last = seen["final_observation"][0]
+    columns = [Driving.SPEED, Driving.LEAD_DISTANCE, Driving.LEAD_SPEED, Driving.ENTERS]
+    assert last[columns] == pytest.approx([10.0, 100.0, 100 / 3.6, 1.0], abs=1e-4)
+    assert last[Driving.DISTANCE_TO_STOP_LINE] == pytest.approx(149 - 322.5, abs=1e-3)
     assert float(seen["position"][0]) == 0.0
 
 

@@ -1,7 +1,7 @@
 // The table of this instruction set's functions.
 #include "kernel/kernel.hpp"
 
-#include "kernel/network.hpp"
+#include "kernel/lanes/network.hpp"
 
 namespace intersection_env::INTERSECTION_ENV_ISA {
 namespace {
@@ -34,14 +34,14 @@ void evaluate_rows(const Network<INPUTS>& network, const float* in, long rows, f
 
 extern const Kernel KERNEL = {&INTERSECTION_ENV_NAME(INTERSECTION_ENV_ISA)[4],
                               WIDTH,
-                              create_prediction,
-                              destroy_prediction,
-                              predict,
+                              create_scenario_block,
+                              destroy_scenario_block,
+                              predict_scenario_block,
                               observe,
                               WORTH_A_BLOCK,
-                              create_single,
-                              destroy_single,
-                              predict_single,
+                              create_one_scenario,
+                              destroy_one_scenario,
+                              predict_one_scenario,
                               evaluate_rows<GAP_INPUTS, LeakyRelu>,
                               evaluate_rows<DRIVING_INPUTS, Tanh>,
                               create_closed_loop,

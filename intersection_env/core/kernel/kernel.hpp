@@ -1,18 +1,20 @@
-// What one instruction set's kernel offers; kernel.cpp puts it into the table that dispatch.hpp describes.
+// What one instruction set's kernel offers; kernel.cpp puts it into the table that dispatch.hpp describes. All of this
+// folder but dispatch.cpp is compiled once per instruction set: nothing in it may call an inline function of the
+// standard library, whose one copy could come from the wrong instruction set.
 #pragma once
 
-#include "dispatch.hpp"
+#include "kernel/dispatch.hpp"
 
 namespace intersection_env::INTERSECTION_ENV_ISA {
 
-Workspace* create_prediction();
-void destroy_prediction(Workspace*);
-void predict(const Problem&, const BlockArguments&, Workspace&);
+Workspace* create_scenario_block();
+void destroy_scenario_block(Workspace*);
+void predict_scenario_block(const Problem&, const ScenarioArguments&, Workspace&);
 void observe(const Problem&, const ObservationArguments&, Workspace&);
 
-Workspace* create_single();
-void destroy_single(Workspace*);
-void predict_single(const Problem&, const BlockArguments&, Workspace&);
+Workspace* create_one_scenario();
+void destroy_one_scenario(Workspace*);
+void predict_one_scenario(const Problem&, const ScenarioArguments&, Workspace&);
 
 float multiply_add(long rounds);
 float hyperbolic_tangent(long rounds);

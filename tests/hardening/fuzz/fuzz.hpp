@@ -5,7 +5,7 @@
 #include <cstdio>
 #include <string>
 
-#include "text_reader.hpp"
+#include "model/text_reader.hpp"
 
 // The text with its checksum made right, or else the reader would refuse nearly all of them by that alone.
 inline std::string with_checksum(const unsigned char* data, std::size_t size) {

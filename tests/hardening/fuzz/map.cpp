@@ -6,11 +6,11 @@
 #include <string>
 #include <vector>
 
-#include "dispatch.hpp"
 #include "fuzz.hpp"
-#include "maneuvers.hpp"
-#include "map.hpp"
-#include "predictor.hpp"
+#include "intersection_env/maneuvers.hpp"
+#include "intersection_env/map.hpp"
+#include "kernel/dispatch.hpp"
+#include "prediction/predictor.hpp"
 
 using namespace intersection_env;
 

@@ -3,9 +3,9 @@
 #include <cstddef>
 #include <cstdlib>
 
-#include "dispatch.hpp"
 #include "fuzz.hpp"
-#include "policy.hpp"
+#include "intersection_env/policy.hpp"
+#include "kernel/dispatch.hpp"
 
 using namespace intersection_env;
 

@@ -1,0 +1,64 @@
+// Maneuvers: every crossing order of a traffic predicted, and ranked by the time it saves.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "intersection_env/map.hpp"
+#include "intersection_env/traffic.hpp"
+
+namespace intersection_env {
+
+class Predictor;
+struct Kernel;
+
+constexpr double WORTHWHILE_GAIN =
+    2.0; // [s], paper, Section IV-C.3: a gain beyond the error of the predicted time loss
+constexpr std::size_t MOST_MANEUVERS = 10000; // ours: a second's work; a dense traffic can have millions of orders
+constexpr std::size_t MOST_COUNTED = 20000;   // ours: orders left out are counted this far, which takes some 25 ms
+
+// One crossing order imposed on the vehicles, or no intervention. Time losses over 10 s [s].
+struct Maneuver {
+    double total_time_loss; // of all vehicles
+    double worst_time_loss; // of any vehicle
+    double gain;            // in total time loss against no intervention
+    float minimum_distance; // [m], infinite where no two vehicles can touch
+    bool safe;              // at least 0.5 m
+    bool worth_executing;   // safe, and gains more than WORTHWHILE_GAIN
+    bool intervention;      // false for no intervention
+};
+
+// The maneuvers, safe ones first, then by total time loss; equal ones as the search found them.
+struct Ranking {
+    std::vector<Pair> pairs; // find_conflicts of the traffic
+    std::vector<Maneuver> maneuvers;
+    std::vector<std::int8_t> priorities; // (maneuver, pair): +1 yielder first, -1 prioritized first, 0 gap decision
+    std::size_t left_out = 0;            // orders beyond the limit, counted up to MOST_COUNTED
+
+    std::span<const std::int8_t> priorities_of(std::size_t maneuver) const {
+        return {priorities.data() + maneuver * pairs.size(), pairs.size()};
+    }
+};
+
+// Predicts no intervention and at most `limit` crossing orders, beginning with those that keep the order of no
+// intervention among most pairs; no limit: all, and none is counted. cooperative: one flag a vehicle, as in Orders.
+// Throws std::invalid_argument for a traffic that is refused, or too few flags.
+Ranking rank_maneuvers(const Predictor& predictor, const Traffic& traffic, std::span<const std::uint8_t> cooperative,
+                       std::optional<std::size_t> limit, const Kernel& kernel);
+
+// Who reached each conflict first in predicted trajectories, position (scenario, STEPS + 1, vehicle): (scenario, pair),
+// +1 the yielder, -1 the prioritized vehicle or both within one step (ours), 0 neither yet. A vehicle reaches a
+// conflict when its front bumper is where the other route's swept area begins.
+std::vector<std::int8_t> crossing_order(const Map& map, const Traffic& traffic, std::span<const Pair> pairs,
+                                        const float* position, std::size_t scenarios);
+
+// Orders (order, pair) as sequences of vehicles, "a, b, c": each before those that follow. Among vehicles that need not
+// wait for each other, the one nearer to its stop line comes first. names: (vehicle,).
+std::vector<std::string> in_words(const Map& map, const Traffic& traffic, std::span<const Pair> pairs,
+                                  std::span<const std::string> names, const std::int8_t* orders, std::size_t count);
+
+} // namespace intersection_env

@@ -1,0 +1,80 @@
+// Crossing orders: acyclic orientations of the conflicting pairs, under lane order and what vehicles can still do.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "intersection_env/traffic.hpp"
+
+namespace intersection_env {
+
+// Who precedes whom, closed under transitivity. Vehicles are bits.
+class Precedence {
+  public:
+    explicit Precedence(int vehicles) : vehicles_(vehicles) {}
+
+    bool before(int a, int b) const { return (after_[static_cast<std::size_t>(a)] >> b & 1U) != 0U; }
+    // False, and nothing changes, if b precedes a already.
+    bool add(int a, int b);
+
+  private:
+    int vehicles_;
+    std::array<std::uint64_t, MAX_VEHICLES> after_{}; // after_[a]: all that come after a
+};
+
+// Streams all crossing orders of a traffic, one int8 a pair: +1 yielder first, -1 prioritized first, 0 left to
+// the gap decision. Each order comes once; those that keep most pairs as in `preferred` tend to come first.
+class Orders {
+  public:
+    // cooperative: one flag a vehicle; pairs without two cooperative ends are left alone. preferred: one a pair.
+    Orders(const Map& map, const Traffic& traffic, std::span<const Pair> pairs,
+           std::span<const std::uint8_t> cooperative, std::span<const std::int8_t> preferred);
+
+    std::size_t pair_count() const { return pairs_.size(); }
+
+    // Writes up to `most` further orders, (order, pair); returns how many.
+    std::size_t next(std::int8_t* out, std::size_t most);
+
+    // How many are still to come, counted up to `most`; nothing is consumed.
+    std::size_t count_remaining(std::size_t most) const;
+
+  private:
+    struct Choice {
+        Precedence before_choice{0};
+        std::int8_t tried = 0; // orientations tried so far: 0, 1, 2
+    };
+    bool advance(); // to the next order; false if there is none
+    bool complete_into(std::int8_t* out) const;
+    bool orient(std::size_t depth, int direction);
+    std::int8_t direction(std::size_t depth, int attempt) const;
+
+    std::vector<Pair> pairs_;
+    std::vector<std::size_t> open_; // indices of the pairs with a choice
+    std::vector<std::int8_t> preferred_, order_;
+    std::vector<std::uint8_t> committed_;
+    std::vector<Choice> choices_;
+    Precedence precedence_;
+    bool started_ = false, finished_ = false;
+};
+
+// Completes assignments for one traffic, again and again.
+class Completion {
+  public:
+    // The pairs must outlive their use here. Allocates only where no earlier traffic was as large.
+    void prepare(const Map& map, const Traffic& traffic, std::span<const Pair> pairs);
+
+    // Fills in what the assignments (pair,) imply under lane order and transitivity, in place.
+    // Throws std::invalid_argument where they contradict each other, the lane order, or what a vehicle can still do;
+    // the message holds the vehicles' indices as "vehicle 3".
+    void complete(std::span<std::int8_t> assignments) const;
+
+  private:
+    std::span<const Pair> pairs_;
+    std::vector<Pair> order_;
+    Precedence lanes_{0};
+    std::vector<std::uint8_t> committed_;
+};
+
+} // namespace intersection_env

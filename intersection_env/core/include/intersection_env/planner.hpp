@@ -1,0 +1,78 @@
+// What a planner needs: bound once to an intersection and to who drives there, it predicts and ranks traffic.
+//
+//     const Planner planner(Map::read("bendplatz.map"), Policy::read("gap.policy"));
+//     const Traffic traffic = traffic_of(planner.map(), {{{"SE-NW", 95.0F, 12.0F}, {"NE-SW", 80.0F, 3.0F}}});
+//     const Ranking ranking = planner.rank(traffic);                                   // best safe order first
+//     const Prediction best = planner.predict(traffic, ranking.priorities_of(0));      // its trajectories
+#pragma once
+
+#include <cstdint>
+#include <limits>
+#include <memory>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "intersection_env/format_error.hpp"
+#include "intersection_env/maneuvers.hpp"
+#include "intersection_env/map.hpp"
+#include "intersection_env/orders.hpp"
+#include "intersection_env/policy.hpp"
+#include "intersection_env/traffic.hpp"
+
+namespace intersection_env {
+
+// One vehicle, by its route's id.
+struct Vehicle {
+    std::string route;                                        // "SE-NW"
+    float position;                                           // arc length of the vehicle's centre along its route [m]
+    float speed;                                              // [m/s]
+    float length = 4.5F;                                      // [m]
+    float width = 1.8F;                                       // [m]
+    float max_speed = std::numeric_limits<float>::infinity(); // its own top speed [m/s]; bicycles: 5
+};
+
+// The traffic of vehicles, in their order. Throws std::invalid_argument for an unknown route, a value out of range, or
+// vehicles that overlap.
+Traffic traffic_of(const Map& map, std::span<const Vehicle> vehicles);
+
+// The next 10 s. Frames are DT apart, the first is now.
+struct Prediction {
+    int scenarios = 0, vehicles = 0;
+    std::vector<Pair> pairs;                   // find_conflicts of the traffic
+    std::vector<std::int8_t> priorities;       // (scenario, pair): those asked for, and what they imply
+    std::vector<float> position, speed;        // (scenario, STEPS + 1, vehicle) [m], [m/s], along each one's own route
+    std::vector<float> acceleration;           // likewise [m/s²], over the step that begins there; the last repeats
+    std::vector<std::uint8_t> enters, present; // likewise: the gap decision; not yet at its route's end
+    std::vector<float> time_loss;              // (scenario, vehicle) [s]
+    std::vector<float> minimum_distance;       // (scenario,) [m], infinite where no two vehicles can touch
+};
+
+// Never changes once it is made: threads may share one and call it at the same time.
+class Planner {
+  public:
+    // threads: how many share a batch of many scenarios, 0: one a core; they do not change what comes out. They help
+    // one caller at a time; whoever calls meanwhile works alone.
+    Planner(Map map, Policy policy, int threads = 1);
+
+    const Map& map() const;
+    const Policy& policy() const;
+
+    // priorities: (scenario, pair) over find_conflicts(map(), traffic): +1 yielder first, -1 prioritized first, 0 left
+    // to the gap decision; what they imply under the lane order is added. Empty: one scenario, no intervention.
+    // Throws std::invalid_argument for a traffic or priorities that are refused.
+    Prediction predict(const Traffic& traffic, std::span<const std::int8_t> priorities = {}) const;
+    // The same into memory that is there: from the second cycle on nothing is allocated, unless the traffic has grown.
+    void predict(const Traffic& traffic, std::span<const std::int8_t> priorities, Prediction& result) const;
+
+    // cooperative: one flag a vehicle; only pairs of two that take instructions are ordered. Empty: all do.
+    // Otherwise as rank_maneuvers.
+    Ranking rank(const Traffic& traffic, std::span<const std::uint8_t> cooperative = {},
+                 std::optional<std::size_t> limit = MOST_MANEUVERS) const;
+
+  private:
+    std::shared_ptr<const Predictor> predictor_;
+};
+
+} // namespace intersection_env

@@ -1,0 +1,59 @@
+// The vehicles at one moment, and who must look out for whom.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "intersection_env/map.hpp"
+
+namespace intersection_env {
+
+constexpr int MAX_VEHICLES = 64; // ours: one machine word of bits in the order search
+constexpr float LEAST_SIZE = 0.1F, MOST_LENGTH = 50.0F, MOST_WIDTH = 10.0F; // [m], ours: longer than any road train
+constexpr float MOST_SPEED = 100.0F;                                        // [m/s], ours: faster is a unit mistaken
+constexpr float BRAKING = 4.0F; // [m/s²], paper, Eq. (3): full braking in the reward and the stop-line test
+
+// One entry a vehicle. Positions are arc lengths of vehicle centres [m], speeds [m/s], sizes [m].
+struct Traffic {
+    std::vector<int> route;
+    std::vector<float> position, speed, length, width;
+    std::vector<float> max_speed; // the vehicle's own top speed
+
+    int count() const { return static_cast<int>(route.size()); }
+    float front(int i) const {
+        return position[static_cast<std::size_t>(i)] + 0.5F * length[static_cast<std::size_t>(i)];
+    }
+    float rear(int i) const {
+        return position[static_cast<std::size_t>(i)] - 0.5F * length[static_cast<std::size_t>(i)];
+    }
+};
+
+// Throws std::invalid_argument, naming the vehicle's index and what is wrong with it.
+void check(const Map& map, const Traffic& traffic);
+
+// Indices of two vehicles: the one that yields by rule, and the one it yields to.
+struct Pair {
+    int yielder, prioritized;
+};
+
+// The pairs still open, sorted by yielder, then prioritized.
+std::vector<Pair> find_conflicts(const Map& map, const Traffic& traffic);
+void find_conflicts(const Map& map, const Traffic& traffic, std::vector<Pair>& found); // into memory that is there
+
+// For each vehicle in a stop lane, before its line or standing past it undecided, the next one behind it there.
+std::vector<Pair> lane_order(const Map& map, const Traffic& traffic); // {ahead, behind}
+void lane_order(const Map& map, const Traffic& traffic, std::vector<Pair>& order);
+
+// Whether a vehicle is past stopping at its line, and so counts as having decided to enter.
+bool committed(const Map& map, const Traffic& traffic, int vehicle);
+
+// The smallest distance between circles of two vehicles that can touch, and which two; nothing if none can.
+struct Closest {
+    float distance;
+    int a, b;
+};
+std::optional<Closest> closest(const Map& map, const Traffic& traffic);
+
+} // namespace intersection_env

@@ -1,0 +1,71 @@
+// Who enters: the gap decision of a pair, and the decision of a vehicle that follows from all its pairs.
+#pragma once
+
+#include "kernel/lanes/network.hpp"
+#include "kernel/step/observe.hpp"
+#include "kernel/step/vehicle.hpp"
+
+namespace intersection_env::INTERSECTION_ENV_ISA {
+
+constexpr float CRITICAL_GAP_CROSSING = 6.0F, CRITICAL_GAP_MERGING = 4.0F; // [s], paper, Section II-B
+constexpr float LEAST_FOE_SPEED = 1.0F; // [m/s], ours: a standing foe may start at any moment
+constexpr float SUMO_TIME_GAP = 1.0F;   // [s], SUMO's jmTimegapMinor
+
+// What a yielding vehicle and its foe are to each other.
+struct Encounter {
+    Floats distance_to_pga, speed, v_max, distance_to_stop_line;
+    Floats foe_distance_to_stop_line, foe_speed, foe_v_max, foe_distance_to_clear;
+    Ints merging; // mask
+};
+
+inline Encounter encounter(const VehicleLanes& yielder, Floats pga, const VehicleLanes& foe, Floats foe_end,
+                           Ints merging) {
+    return {pga - yielder.rear,
+            yielder.speed,
+            yielder.v_max(),
+            yielder.distance_to_stop_line,
+            foe.distance_to_stop_line,
+            foe.speed,
+            foe.v_max(),
+            foe_end - foe.rear,
+            merging};
+}
+
+// The gap network's features; paper, Table I.
+inline void gap_features(const Encounter& e, Floats* features) {
+    features[0] = e.distance_to_pga;
+    features[1] = e.speed;
+    features[2] = e.foe_distance_to_stop_line;
+    features[3] = e.foe_speed;
+}
+
+// Mask: the yielder accepts the gap to the prioritized vehicle.
+inline Ints accepts_gap(Gap gap, const GapNetwork* network, const Encounter& e) {
+    if (gap == Gap::critical_gap) {
+        const Floats critical = e.merging ? all(CRITICAL_GAP_MERGING) : all(CRITICAL_GAP_CROSSING);
+        return e.foe_distance_to_stop_line > critical * most(e.foe_speed, all(LEAST_FOE_SPEED));
+    }
+    if (gap == Gap::sumo) {
+        const Floats leaves = e.distance_to_pga / e.v_max;
+        const Floats foe_arrives = e.foe_distance_to_stop_line / e.foe_v_max;
+        const Floats foe_leaves = e.foe_distance_to_clear / e.foe_v_max;
+        return (foe_arrives > leaves + SUMO_TIME_GAP) | (foe_leaves < e.distance_to_stop_line / e.v_max);
+    }
+    Floats input[GAP_INPUTS];
+    gap_features(e, input);
+    return evaluate<GAP_INPUTS>(*network, input, LeakyRelu{}) > 0.0F;
+}
+
+// Mask: the vehicle has decided to enter and can no longer stop, whatever its pairs say.
+inline Ints settled(const VehicleLanes& vehicle) {
+    return vehicle.delta & (vehicle.distance_to_stop_line < vehicle.braking_distance);
+}
+
+// After all pairs: the decision that holds, and whom it holds up. waits: the hold of a vehicle that is refused.
+inline void decide_vehicle(VehicleLanes& vehicle, Ints waits) {
+    vehicle.delta = ~(vehicle.refused | vehicle.kept) | settled(vehicle);
+    const Ints queue = vehicle.distance_to_stop_line >= 0.0F ? vehicle.queue : all_ints(-1);
+    vehicle.hold = most(vehicle.refused & ~vehicle.delta ? waits : all_ints(-1), queue);
+}
+
+} // namespace intersection_env::INTERSECTION_ENV_ISA

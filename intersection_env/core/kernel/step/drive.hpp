@@ -1,0 +1,85 @@
+// The acceleration: Intelligent Driver Model, driving network, or none; and what it does to the state.
+#pragma once
+
+#include "kernel/lanes/network.hpp"
+#include "kernel/step/observe.hpp"
+#include "kernel/step/vehicle.hpp"
+
+namespace intersection_env::INTERSECTION_ENV_ISA {
+
+constexpr float LEAST_GAP = 0.1F; // [m], ours: keeps the model finite where bumpers touch
+
+// Ours, of what limits a network:
+constexpr float LEAST_LEAD_GAP = 0.5F; // [m], at which vehicles count as colliding
+constexpr float ROUNDED_STOP = 0.02F;  // [m], by which a stop in whole steps may be longer than v²/2b
+constexpr float OVERSHOOT = 0.05F;     // [m], who is so little beyond where it could stop is kept too
+
+// inverse_root: 1 / (2 sqrt(a b))
+inline Floats idm(const IdmParameters& p, float inverse_root, Floats speed, Floats free_speed, Floats gap,
+                  Floats lead_speed) {
+    const Floats ratio = speed / free_speed;
+    const Floats dynamic = speed * fused(speed - lead_speed, all(inverse_root), all(p.time_gap));
+    const Floats wanted = (p.standing_gap + most(dynamic, all(0.0F))) / most(gap, all(LEAST_GAP));
+    return p.acceleration * (1.0F - ratio * ratio * ratio * ratio - wanted * wanted);
+}
+
+// Whoever goes on with a speed for a step and then brakes by b stands after DT / 2 (speed + next) + next² / 2b.
+// The part of that way which belongs to the next speed:
+inline Floats way_after(Floats next, float b) { return next * fused(next, all(0.5F / b), all(0.5F * DT)); }
+
+// The next speed to which such a part belongs; below 0 where there is none.
+inline Floats speed_before(Floats way, float b) {
+    return b * (root(most(fused(way, all(2.0F / b), all(0.25F * DT * DT)), all(0.0F))) - 0.5F * DT);
+}
+
+// What keeps a network to the rules: whoever must not cross the line and is able to stop stays able to, and everybody
+// can stop behind the lead, whatever that one does. hardest: the strongest braking of all vehicles [m/s²].
+inline Floats limited(const VehicleLanes& vehicle, Floats acceleration, float hardest) {
+    const Floats lead_next = most(vehicle.lead_speed - DT * hardest, all(0.0F));
+    const Floats to_lead = fused(vehicle.lead_speed, all(0.5F * DT), vehicle.lead_distance - LEAST_LEAD_GAP) +
+                           way_after(lead_next, hardest);
+    const Floats behind_lead = fused(vehicle.speed, all(-0.5F * DT), to_lead);
+    const Floats before_line = fused(vehicle.speed, all(-0.5F * DT), vehicle.distance_to_stop_line - ROUNDED_STOP);
+    const Floats next = most(fused(acceleration, all(DT), vehicle.speed), all(0.0F));
+    const Ints close = way_after(next, hardest) > behind_lead;
+    const Ints held = ~vehicle.delta & (vehicle.distance_to_stop_line + OVERSHOOT >= vehicle.braking_distance) &
+                      (way_after(next, BRAKING) > before_line);
+    if (!any(close | held)) {
+        return acceleration;
+    }
+    const Floats follows = (speed_before(behind_lead, hardest) - vehicle.speed) * (1.0F / DT);
+    const Floats stops = (speed_before(before_line, BRAKING) - vehicle.speed) * (1.0F / DT);
+    const Floats slower = least(close ? follows : acceleration, held ? stops : acceleration);
+    return most(slower, all(-hardest));
+}
+
+inline Floats drive(const Problem& problem, float inverse_root, const VehicleLanes& vehicle) {
+    if (problem.driver == Driver::constant_velocity) {
+        return all(0.0F);
+    }
+    if (problem.driver == Driver::idm) {
+        const IdmParameters& p = problem.idm;
+        const Floats follow =
+            idm(p, inverse_root, vehicle.speed, vehicle.free_speed(), vehicle.lead_distance, vehicle.lead_speed);
+        const Floats stop =
+            idm(p, inverse_root, vehicle.speed, vehicle.free_speed(), vehicle.distance_to_stop_line, all(0.0F));
+        const Floats chosen = vehicle.delta ? follow : least(follow, stop);
+        return least(most(chosen, all(-p.deceleration_limit)), all(p.acceleration));
+    }
+    Floats input[DRIVING_INPUTS];
+    driving_features(vehicle, input);
+    const float scale = problem.acceleration_scale;
+    return limited(vehicle, scale * tanh(evaluate<DRIVING_INPUTS>(*problem.driving_network, input, Tanh{})), scale);
+}
+
+// Moves the vehicle by one step, no slower than `least_speed`, where `moves`; returns the acceleration that came of it.
+inline Floats advance(Floats acceleration, float least_speed, Ints moves, VehicleLanes& vehicle) {
+    const Floats speed = most(fused(acceleration, all(DT), vehicle.speed), all(least_speed));
+    const Floats position = fused(vehicle.speed + speed, all(0.5F * DT), vehicle.position);
+    const Floats applied = moves ? (speed - vehicle.speed) * (1.0F / DT) : all(0.0F);
+    vehicle.position = moves ? position : vehicle.position;
+    vehicle.speed = moves ? speed : vehicle.speed;
+    return applied;
+}
+
+} // namespace intersection_env::INTERSECTION_ENV_ISA

@@ -1,0 +1,217 @@
+// A step of replay worlds: in each lane one vehicle of a recorded scene acts, and sees the others where they were.
+#pragma once
+
+#include "kernel/step/drive.hpp"
+#include "kernel/worlds/results.hpp"
+#include "kernel/worlds/world.hpp"
+
+namespace intersection_env::INTERSECTION_ENV_ISA {
+
+struct ReplayLanes {
+    Slot acting, expert; // the vehicle that acts, and the recorded one at the same step
+    Random random;
+    Ints track, time, ended, exists;
+    Ints first_sample, first_step, end_step, first_recorded, first_companion, companion_count;
+    Floats action, step_reward, expert_acceleration;
+    Ints left, collided;
+    Floats last_features[FEATURES];
+};
+
+inline void load_track(const ReplayArguments& g, ReplayLanes& run) {
+    Floats row[TRACK_COLUMNS];
+    load_rows<3>(g.recorded.tracks, run.track * TRACK_COLUMNS, row);
+    for (Slot* slot : {&run.acting, &run.expert}) {
+        slot->route = as_ints(row[0]);
+        slot->half_length = row[1];
+        slot->half_width = row[2];
+        slot->max_speed = row[3];
+        load_route(g.map, *slot);
+    }
+    run.first_sample = as_ints(row[4]);
+    run.first_step = as_ints(row[5]);
+    run.end_step = as_ints(row[6]);
+    run.first_recorded = as_ints(row[7]);
+    run.first_companion = as_ints(row[8]);
+    run.companion_count = as_ints(row[9]);
+}
+
+// The recorded vehicle at the present step.
+inline void load_expert(const ReplayArguments& g, ReplayLanes& run) {
+    const Ints sample = run.first_sample + (run.time - run.first_step);
+    Floats row[SAMPLE_COLUMNS];
+    load_rows<1>(g.recorded.samples, sample * SAMPLE_COLUMNS, row);
+    run.expert.position = row[0];
+    run.expert.speed = row[1];
+    for (int l = 0; l < WIDTH; ++l) {
+        run.expert_acceleration[l] = g.recorded.acceleration[sample[l]];
+    }
+}
+
+// A recorded vehicle beside the acting one; see COMPANION_COLUMNS.
+struct Companion {
+    Floats row[COMPANION_COLUMNS], sample[SAMPLE_COLUMNS];
+    Ints present, row_offset;
+
+    Floats position() const { return sample[0]; }
+    Floats speed() const { return sample[1]; }
+    Floats front() const { return sample[0] + row[10]; }
+    Floats rear() const { return sample[0] - row[10]; }
+};
+
+inline Companion companion(const ReplayArguments& g, const ReplayLanes& run, int index) {
+    Companion one;
+    const Ints counts = index < run.companion_count;
+    one.row_offset = (counts ? run.first_companion + index : run.first_companion) * COMPANION_COLUMNS;
+    load_rows<4>(g.recorded.companions, one.row_offset, one.row);
+    const Ints since = run.time - as_ints(one.row[13]);
+    one.present = counts & (since >= 0) & (run.time < as_ints(one.row[14]));
+    const Ints sample = one.present ? as_ints(one.row[12]) + since : Ints{};
+    load_rows<2>(g.recorded.samples, sample * SAMPLE_COLUMNS, one.sample);
+    return one;
+}
+
+inline void meet(const ReplayArguments& g, const Companion& other, Slot& own) {
+    const Floats ahead = other.position() - other.row[2] - own.position;
+    const Ints entry = (own.rear < other.row[0]) & (other.rear() < other.row[0]);
+    const Ints leads =
+        other.present & (other.row[3] > 0.0F) & (ahead > 0.0F) & (entry | (other.front() > other.row[1]));
+    follow(own, leads, ahead - (own.half_length + other.row[10]), other.speed(), all_ints(-1));
+
+    const Floats kind = other.row[6];
+    Ints open = other.present & (kind != 0.0F) & (own.rear < other.row[4]) & (other.position() < other.row[5]);
+    if (g.recording) {
+        own.refused |= open & (other.row[7] == 0.0F);
+        return;
+    }
+    open &= ~((other.sample[2] != 0.0F) & (as_ints(other.row[15]) > own.route)); // it is held, and holds nobody up
+    if (any(open)) {
+        const Encounter met = {other.row[4] - own.rear,
+                               own.speed,
+                               own.v_max(),
+                               own.distance_to_stop_line,
+                               other.row[9] - other.front(),
+                               other.speed(),
+                               other.sample[3],
+                               other.row[5] - other.rear(),
+                               kind > 1.5F};
+        own.refused |= open & ~accepts_gap(g.gap, g.gap_network, met);
+    }
+}
+
+// Marks the lanes where the acting vehicle collides by its own fault.
+inline void touch(const ReplayArguments& g, const Companion& other, ReplayLanes& run) {
+    const Slot& own = run.acting;
+    const Ints fault = as_ints(other.row[8]);
+    const Ints at_fault = (fault == static_cast<int>(Fault::always)) |
+                          ((fault == static_cast<int>(Fault::before_own_end)) & (own.rear < other.row[4])) |
+                          ((fault == static_cast<int>(Fault::past_other_end)) & (other.rear() >= other.row[5]));
+    constexpr float MARGIN = COLLISION_DISTANCE + 0.1F; // rounding, and headings beyond the end of a route
+    const Floats reach = other.row[10] * (2.0F * CIRCLE_OFFSET) + other.row[11] * (2.0F * CIRCLE_RADIUS);
+    const Floats far = own.reach + reach + MARGIN;
+    const Floats x = own.x - other.sample[4], y = own.y - other.sample[5];
+    const Floats p = own.braked_x - other.sample[6], q = own.braked_y - other.sample[7];
+    const Ints near =
+        other.present & at_fault & ((x * x + y * y < far * far) | (p * p + q * q < far * far)) & run.exists;
+    for (unsigned lanes = bits(near); lanes != 0; lanes &= lanes - 1) {
+        const int l = __builtin_ctz(lanes);
+        const float speed = other.sample[1][l];
+        const Body body{own.route[l], own.position[l], 2.0F * own.half_length[l], 2.0F * own.half_width[l]};
+        const Body foe{static_cast<int>(other.row[15][l]), other.sample[0][l], 2.0F * other.row[10][l],
+                       2.0F * other.row[11][l]};
+        if (collide(*g.map.whole, body, foe, own.braking_distance[l], speed * speed * (0.5F / BRAKING))) {
+            run.collided[l] = -1;
+        }
+    }
+}
+
+// Observes and decides for both, from the memories before.
+inline void look(const ReplayArguments& g, ReplayLanes& run) {
+    observe_vehicle(g.map, run.acting);
+    observe_vehicle(g.map, run.expert);
+    locate(g.map, run.acting);
+    run.collided = Ints{};
+    int most = 0;
+    for (int l = 0; l < WIDTH; ++l) {
+        most = run.companion_count[l] > most ? run.companion_count[l] : most;
+    }
+    for (int c = 0; c < most; ++c) {
+        const Companion other = companion(g, run, c);
+        if (!any(other.present)) {
+            continue;
+        }
+        meet(g, other, run.acting);
+        meet(g, other, run.expert);
+        touch(g, other, run);
+    }
+    decide_vehicle(run.acting, all_ints(-1));
+    decide_vehicle(run.expert, all_ints(-1));
+}
+
+inline void remember(const ReplayArguments& g, Slot& slot) {
+    observe_vehicle(g.map, slot);
+    slot.delta = committed(slot);
+}
+
+// Begins an episode in the wanted lanes, with a given track where it is not negative; the memories are those of a
+// start.
+inline void begin(const ReplayArguments& g, Ints wanted, Ints given, ReplayLanes& run) {
+    const Ints drawn = run.random.index(wanted, g.recorded.actor_count);
+    const Floats where = run.random.uniform(wanted);
+    for (unsigned lanes = bits(wanted); lanes != 0; lanes &= lanes - 1) {
+        const int l = __builtin_ctz(lanes);
+        run.track[l] = given[l] >= 0 ? given[l] : g.recorded.actors[drawn[l]];
+    }
+    load_track(g, run);
+    Ints begin = run.first_recorded;
+    if (g.desynchronise) {
+        begin += as_ints(where * as_floats(run.end_step - 1 - run.first_recorded));
+    }
+    run.time = wanted ? begin : run.time;
+    run.ended = wanted ? Ints{} : run.ended;
+    load_expert(g, run);
+    const Slot before = run.acting, expert_before = run.expert;
+    run.acting.position = wanted ? run.expert.position : before.position;
+    run.acting.speed = wanted ? run.expert.speed : before.speed;
+    run.acting.acceleration = wanted ? run.expert_acceleration : before.acceleration;
+    remember(g, run.acting);
+    remember(g, run.expert);
+    run.acting.delta = wanted ? run.acting.delta : before.delta;
+    run.expert.delta = wanted ? run.expert.delta : expert_before.delta;
+}
+
+// What is now seen of new episodes; the decisions of lanes outside the mask stay.
+inline void look_again(const ReplayArguments& g, Ints decided, ReplayLanes& run) {
+    const Ints delta = run.acting.delta, expert_delta = run.expert.delta;
+    look(g, run);
+    run.acting.delta = decided ? run.acting.delta : delta;
+    run.expert.delta = decided ? run.expert.delta : expert_delta;
+}
+
+// From actions to the new state, rewards and ends; returns the mask of episodes that end.
+inline Ints step(const ReplayArguments& g, ReplayLanes& run) {
+    Slot& acting = run.acting;
+    acting.acceleration = advance(g.acceleration_scale * run.action, 0.0F, all_ints(-1), acting);
+    run.left = acting.position >= acting.route_length;
+    const Ints last = run.end_step - 1;
+    run.time = run.time < last ? run.time + 1 : last;
+    load_expert(g, run);
+    look(g, run);
+    run.collided &= ~run.left;
+    run.step_reward = reward(acting, acting.acceleration, run.collided);
+    driving_features(acting, run.last_features);
+    if (any(run.left)) {
+        Slot gone = acting;
+        observe_vehicle(g.map, gone);
+        gone.delta = all_ints(-1);
+        const Floats paid = reward(gone, gone.acceleration, Ints{});
+        run.step_reward = run.left ? paid : run.step_reward;
+        Floats features[FEATURES];
+        driving_features(gone, features);
+        for (int f = 0; f < FEATURES; ++f) {
+            run.last_features[f] = run.left ? features[f] : run.last_features[f];
+        }
+    }
+    return run.collided | run.left | (run.time >= last);
+}
+
+} // namespace intersection_env::INTERSECTION_ENV_ISA

@@ -1,0 +1,231 @@
+// A block of closed-loop worlds: each lane is a world, each vehicle in it has a route of its own.
+#pragma once
+
+#include "kernel/lanes/random.hpp"
+#include "kernel/step/decide.hpp"
+#include "kernel/step/reward.hpp"
+#include "model/contact.hpp"
+#include "tables/map_tables.hpp"
+
+namespace intersection_env::INTERSECTION_ENV_ISA {
+
+struct Slot : VehicleLanes {
+    Floats half_length, half_width, max_speed, acceleration;
+    Ints route;
+
+    Floats stop_line, route_length, first_conflict, last_row; // of the route
+    Ints first_row, stop_lane, overlaps, pair_row;
+
+    Floats x, y, braked_x, braked_y, reach; // reach: no circle goes further from the centre [m]
+    Ints left, blamed;                      // masks; left: reinserted in this step
+
+    Ints first() const { return first_row; }
+    Floats last() const { return last_row; }
+    Floats top_speed() const { return max_speed; }
+};
+
+// Gap decisions that wait for the network, which takes them a full row of lanes at a time.
+struct Waiting {
+    int who[3 * WIDTH]; // lane, yielder and foe, a byte each
+    float pga[3 * WIDTH];
+    int count;
+};
+
+struct World {
+    Slot slots[MAX_VEHICLES];
+    Random random;
+    Ints cycle, collided;
+    Ints exists; // mask: the lanes that stand for a world
+    Waiting waiting;
+};
+
+inline void load_route(const MapRows& map, Slot& slot) {
+    Floats row[ROUTE_COLUMNS];
+    load_rows<2>(map.routes, slot.route * ROUTE_COLUMNS, row);
+    slot.stop_line = row[0];
+    slot.route_length = row[1];
+    slot.first_conflict = row[2];
+    slot.first_row = as_ints(row[3]);
+    slot.last_row = row[4];
+    slot.stop_lane = as_ints(row[5]);
+    slot.overlaps = as_ints(row[6]) | (as_ints(row[7]) << 16);
+    slot.pair_row = slot.route * (map.route_count * PAIR_COLUMNS);
+    slot.reach = slot.half_length * (2.0F * CIRCLE_OFFSET) + slot.half_width * (2.0F * CIRCLE_RADIUS);
+}
+
+inline void observe_vehicle(const MapRows& map, Slot& slot) {
+    observe_road(map.observed, map.inverse_spacing, slot, true, slot);
+    forget_lead(slot);
+    slot.refused = slot.kept = slot.blamed = Ints{};
+}
+
+// Mask: past stopping at its line; the memory of a decision that a start has. Needs observe_vehicle.
+inline Ints committed(const Slot& slot) {
+    const Ints cannot_stop = slot.distance_to_stop_line < slot.braking_distance;
+    return cannot_stop & ((slot.speed >= 1.0F) | (slot.front > slot.first_conflict));
+}
+
+// Beyond its end a route goes straight on.
+inline void locate(const MapRows& map, const Slot& slot, Floats position, Floats& x, Floats& y) {
+    const Floats grid = most(position * map.inverse_spacing, all(0.0F));
+    const Ints row = as_ints(least(grid, slot.last_row - 1.0F));
+    Floats point[4];
+    load_rows<1>(map.points, (slot.first_row + row) * 4, point);
+    const Floats f = grid - as_floats(row);
+    x = point[0] + f * point[2];
+    y = point[1] + f * point[3];
+}
+
+inline void locate(const MapRows& map, Slot& slot) {
+    locate(map, slot, slot.position, slot.x, slot.y);
+    locate(map, slot, slot.position + slot.braking_distance, slot.braked_x, slot.braked_y);
+}
+
+// What two routes are to each other; see PAIR_COLUMNS.
+struct Relation {
+    Floats own_end, other_end, kind; // kind: 1 crossing, 2 merging, negative where the other yields; 0 no conflict
+    Floats split, offset;            // of a shared lane: before a split; after a merge
+    Ints merging;
+};
+
+inline Relation relation(const MapRows& map, const Slot& own, const Slot& other) {
+    Floats row[PAIR_COLUMNS];
+    load_rows<1>(map.pairs, own.pair_row + other.route * PAIR_COLUMNS, row);
+    const Ints entry = row[3] == SHARED_ENTRY, merging = magnitude(row[3]) == 2.0F;
+    return {row[0], row[1], entry ? all(0.0F) : row[3], entry ? row[2] : all(-FAR), merging ? row[2] : all(0.0F),
+            merging};
+}
+
+// The network's answers to the first that wait, at most a row of them.
+inline void answer(const GapNetwork& network, World& world) {
+    Waiting& waiting = world.waiting;
+    const int count = waiting.count < WIDTH ? waiting.count : WIDTH;
+    alignas(64) float features[GAP_INPUTS][WIDTH] = {};
+    for (int k = 0; k < count; ++k) {
+        const int l = waiting.who[k] & 255;
+        const Slot &yielder = world.slots[waiting.who[k] >> 8 & 255], &foe = world.slots[waiting.who[k] >> 16];
+        features[0][k] = waiting.pga[k] - yielder.rear[l];
+        features[1][k] = yielder.speed[l];
+        features[2][k] = foe.distance_to_stop_line[l];
+        features[3][k] = foe.speed[l];
+    }
+    const Floats logit = evaluate<GAP_INPUTS>(network, reinterpret_cast<const Floats*>(features), LeakyRelu{});
+    unsigned refused = bits(~(logit > 0.0F)) & ((1U << count) - 1);
+    for (; refused != 0; refused &= refused - 1) {
+        const int who = waiting.who[__builtin_ctz(refused)];
+        world.slots[who >> 8 & 255].refused[who & 255] = -1;
+    }
+    waiting.count -= count;
+    for (int k = 0; k < waiting.count; ++k) {
+        waiting.who[k] = waiting.who[k + WIDTH];
+        waiting.pga[k] = waiting.pga[k + WIDTH];
+    }
+}
+
+// Puts the open lanes of vehicles i and j on the list.
+inline void ask(const GapNetwork& network, Ints open, Ints first_yields, Floats pga, int i, int j, World& world) {
+    Waiting& waiting = world.waiting;
+    const Ints who = lane_numbers() | (first_yields ? all_ints(i << 8 | j << 16) : all_ints(j << 8 | i << 16));
+    const unsigned lanes = bits(open);
+    compress(who, lanes, waiting.who + waiting.count);
+    compress(reinterpret_cast<Ints>(pga), lanes, reinterpret_cast<int*>(waiting.pga + waiting.count));
+    waiting.count += __builtin_popcount(lanes);
+    if (waiting.count >= WIDTH) {
+        answer(network, world);
+    }
+}
+
+// Who leads whom, and whether the one that yields to the other accepts the gap. seen: what a has seen so far.
+template <Gap GAP>
+inline void meet(const MapRows& map, const GapNetwork* network, World& world, int i, int j, Seen& seen) {
+    Slot &a = world.slots[i], &b = world.slots[j];
+    const Relation r = relation(map, a, b);
+    const Floats ahead = b.position - r.offset - a.position;
+    const Ints entry = (a.rear < r.split) & (b.rear < r.split), same_lane = a.stop_lane == b.stop_lane;
+    const Floats gap = magnitude(ahead) - (a.half_length + b.half_length);
+    follow(seen, (ahead > 0.0F) & (entry | (r.merging & (b.front > r.other_end))), gap, b.speed,
+           same_lane ? b.hold : all_ints(-1));
+    follow(b, (ahead < 0.0F) & (entry | (r.merging & (a.front > r.own_end))), gap, a.speed,
+           same_lane ? a.hold : all_ints(-1));
+
+    const Ints a_yields = r.kind > 0.0F;
+    const Floats rear = a_yields ? a.rear : b.rear, pga = a_yields ? r.own_end : r.other_end;
+    const Floats foe_position = a_yields ? b.position : a.position, foe_end = a_yields ? r.other_end : r.own_end;
+    const Ints foe_hold = a_yields ? b.hold : a.hold, route = a_yields ? a.route : b.route;
+    const Ints active = (r.kind != 0.0F) & (rear < pga) & (foe_position < foe_end);
+    b.kept |= active & a_yields & settled(a) & ~b.delta;
+    seen.kept |= active & ~a_yields & settled(b) & ~a.delta;
+    const Ints open = active & (foe_hold <= route);
+    if (!any(open)) {
+        return;
+    }
+    if constexpr (GAP == Gap::network) {
+        ask(*network, open, a_yields, pga, i, j, world);
+        return;
+    }
+    const Encounter met = {pga - rear,
+                           a_yields ? a.speed : b.speed,
+                           a_yields ? a.v_max() : b.v_max(),
+                           a_yields ? a.distance_to_stop_line : b.distance_to_stop_line,
+                           a_yields ? b.distance_to_stop_line : a.distance_to_stop_line,
+                           a_yields ? b.speed : a.speed,
+                           a_yields ? b.v_max() : a.v_max(),
+                           foe_end - (a_yields ? b.rear : a.rear),
+                           r.merging};
+    const Ints refused = open & ~accepts_gap(GAP, nullptr, met);
+    seen.refused |= refused & a_yields;
+    b.refused |= refused & ~a_yields;
+}
+
+// Marks who is to blame where two vehicles collide. Circles that are far apart are not looked at closely.
+inline void touch(const MapRows& map, World& world, int i, int j) {
+    Slot &a = world.slots[i], &b = world.slots[j];
+    constexpr float MARGIN = COLLISION_DISTANCE + 0.1F; // rounding, and headings beyond the end of a route
+    const Floats far = a.reach + b.reach + MARGIN;
+    const Floats x = a.x - b.x, y = a.y - b.y, p = a.braked_x - b.braked_x, q = a.braked_y - b.braked_y;
+    const Ints near = ((x * x + y * y < far * far) | (p * p + q * q < far * far)) &
+                      (((a.overlaps >> b.route) & 1) != 0) & world.exists;
+    for (unsigned lanes = bits(near); lanes != 0; lanes &= lanes - 1) {
+        const int l = __builtin_ctz(lanes);
+        const Body body_a{a.route[l], a.position[l], 2.0F * a.half_length[l], 2.0F * a.half_width[l]};
+        const Body body_b{b.route[l], b.position[l], 2.0F * b.half_length[l], 2.0F * b.half_width[l]};
+        if (collide(*map.whole, body_a, body_b, a.braking_distance[l], b.braking_distance[l])) {
+            world.collided[l] = -1;
+            if ((a.left[l] | b.left[l]) != 0) {
+                continue; // a newcomer without room is nobody's fault
+            }
+            const Blame blame = to_blame(*map.whole, body_a, body_b);
+            a.blamed[l] |= blame.a ? -1 : 0;
+            b.blamed[l] |= blame.b ? -1 : 0;
+        }
+    }
+}
+
+// Needs observe_vehicle of each, and the memories before the decision; contacts: needs locate, and looks for
+// collisions.
+template <Gap GAP>
+inline void decide(const MapRows& map, const GapNetwork* network, int count, bool contacts, World& world) {
+    world.waiting.count = 0;
+    world.collided = Ints{};
+    for (int i = 0; i < count; ++i) {
+        Slot& slot = world.slots[i];
+        Seen seen = slot;
+        for (int j = i + 1; j < count; ++j) {
+            meet<GAP>(map, network, world, i, j, seen);
+            if (contacts) {
+                touch(map, world, i, j);
+            }
+        }
+        const Ints refused = slot.refused | seen.refused; // the network may have answered in between
+        static_cast<Seen&>(slot) = seen;
+        slot.refused = refused;
+    }
+    if (GAP == Gap::network && world.waiting.count > 0) {
+        answer(*network, world);
+    }
+    for (int i = 0; i < count; ++i) {
+        decide_vehicle(world.slots[i], world.slots[i].route);
+    }
+}
+
+} // namespace intersection_env::INTERSECTION_ENV_ISA

@@ -1,0 +1,34 @@
+// Whether two vehicles collide, and who is to blame.
+#pragma once
+
+#include "intersection_env/map.hpp"
+
+namespace intersection_env {
+
+constexpr float COLLISION_DISTANCE = 0.5F; // [m], paper, Table II, row 9
+
+// A vehicle on its route: arc length of the centre [m], size [m].
+struct Body {
+    int route;
+    float position, length, width;
+
+    float front() const { return position + 0.5F * length; }
+    float rear() const { return position - 0.5F * length; }
+};
+
+// The sample at an arc length; beyond its end a route goes straight on.
+Sample straight_on(const Map& map, int route, float position);
+
+// Between the borders of their circles [m]; NO_DISTANCE where they cannot touch.
+float distance(const Map& map, const Body& a, const Body& b);
+
+// Nearer than COLLISION_DISTANCE now, or once both have braked, which takes them `braking_a` and `braking_b` metres.
+bool collide(const Map& map, const Body& a, const Body& b, float braking_a, float braking_b);
+
+// By right of way, then by the order in the lane; both where neither says anything.
+struct Blame {
+    bool a, b;
+};
+Blame to_blame(const Map& map, const Body& a, const Body& b);
+
+} // namespace intersection_env

@@ -1,0 +1,154 @@
+#include "intersection_env/map.hpp"
+
+#include <algorithm>
+
+#include "model/text_reader.hpp"
+
+namespace intersection_env {
+namespace {
+
+constexpr int MAX_ROUTES = 256;
+constexpr int MAX_SAMPLES = 100000;
+constexpr int SAMPLE_COLUMNS = 11;
+
+Interval interval(const TextReader& reader, float begin, float end) {
+    if (!(begin <= end)) {
+        reader.fail("an interval ends before it begins");
+    }
+    return {begin, end};
+}
+
+Route read_route(TextReader& reader) {
+    Route route;
+    route.id = reader.word("route");
+    route.length = reader.floats("length", 1)[0];
+    route.stop_line = reader.floats("stop_line", 1)[0];
+    route.stop_lane = static_cast<int>(reader.count("stop_lane", 0, MAX_ROUTES - 1));
+    const std::vector<float> junction = reader.floats("junction", 2);
+    route.junction = interval(reader, junction[0], junction[1]);
+    route.first_conflict = reader.floats("first_conflict", 1)[0];
+    const std::int64_t samples = reader.count("samples", 2, MAX_SAMPLES);
+    for (std::int64_t k = 0; k < samples; ++k) {
+        const std::vector<float> row = reader.floats("", SAMPLE_COLUMNS);
+        Sample sample{row[0], row[1], row[2], row[3], row[4], {}};
+        std::copy_n(row.begin() + 5, 6, sample.relative_heading.begin());
+        if (!(sample.v_max > 0.0F)) {
+            reader.fail("v_max must be positive");
+        }
+        route.samples.push_back(sample);
+    }
+    return route;
+}
+
+} // namespace
+
+Map Map::read(const std::string& path) { return parse(read_file(path), path); }
+
+Map Map::parse(std::string text, std::string where) {
+    TextReader reader(std::move(text), std::move(where), "intersection_env map", 1);
+    Map map;
+    map.checksum = reader.checksum();
+    map.name = reader.word("name");
+    for (const float value : reader.counted_floats("locations", 1000)) {
+        map.locations.push_back(reader.whole(value, 0, 1000000));
+    }
+    map.spacing = reader.floats("spacing", 1)[0];
+    if (!(map.spacing > 0.0F)) {
+        reader.fail("spacing must be positive");
+    }
+    map.heading_offsets = reader.counted_floats("heading_offsets", 6);
+    if (map.heading_offsets.size() != 6) {
+        reader.fail("six heading offsets were expected");
+    }
+    const std::int64_t routes = reader.count("routes", 1, MAX_ROUTES);
+    for (std::int64_t k = 0; k < routes; ++k) {
+        map.routes.push_back(read_route(reader));
+        const Route& route = map.routes.back();
+        const float covered = map.spacing * static_cast<float>(route.samples.size() - 1);
+        if (!(route.length > 0.0F) || covered < route.length - 1e-3F || covered > route.length + map.spacing) {
+            reader.fail("the samples of route \"" + route.id + "\" do not cover its length");
+        }
+        if (!(route.stop_line >= 0.0F && route.stop_line <= route.length)) {
+            reader.fail("the stop line of route \"" + route.id + "\" does not lie on it");
+        }
+        for (std::size_t other = 0; other + 1 < map.routes.size(); ++other) {
+            if (map.routes[other].id == route.id) {
+                reader.fail("two routes are named \"" + route.id + "\"");
+            }
+        }
+    }
+    const int last = static_cast<int>(routes) - 1;
+    const std::int64_t pairs = routes * routes;
+    for (std::int64_t k = reader.count("conflicts", 0, pairs); k > 0; --k) {
+        const std::vector<float> row = reader.floats("", 7);
+        map.conflicts.push_back({reader.whole(row[0], 0, last), reader.whole(row[1], 0, last),
+                                 reader.whole(row[2], 0, 1) == 1, interval(reader, row[3], row[4]),
+                                 interval(reader, row[5], row[6])});
+    }
+    for (std::int64_t k = reader.count("shared_lanes", 0, pairs); k > 0; --k) {
+        const std::vector<float> row = reader.floats("", 6);
+        map.shared_lanes.push_back(
+            {reader.whole(row[0], 0, last), reader.whole(row[1], 0, last), row[2], row[3], row[4], row[5]});
+    }
+    for (std::int64_t k = reader.count("overlaps", 0, pairs); k > 0; --k) {
+        const std::vector<float> row = reader.floats("", 6);
+        map.overlaps.push_back({reader.whole(row[0], 0, last), reader.whole(row[1], 0, last),
+                                interval(reader, row[2], row[3]), interval(reader, row[4], row[5])});
+    }
+    reader.finish();
+    map.index(reader);
+    return map;
+}
+
+void Map::index(const TextReader& reader) {
+    const std::size_t count = routes.size();
+    const auto build = [count, &reader](auto& table, const auto& rows, auto first, auto second) {
+        table.assign(count * count, -1);
+        for (std::size_t k = 0; k < rows.size(); ++k) {
+            const std::size_t a = static_cast<std::size_t>(first(rows[k]));
+            const std::size_t b = static_cast<std::size_t>(second(rows[k]));
+            if (a == b || table[a * count + b] >= 0) {
+                reader.fail("two different routes make a pair, and each pair stands once in a table");
+            }
+            table[a * count + b] = table[b * count + a] = static_cast<int>(k);
+        }
+    };
+    build(
+        conflict_index_, conflicts, [](const Conflict& c) { return c.yielder; },
+        [](const Conflict& c) { return c.prioritized; });
+    const auto a = [](const auto& row) { return row.a; };
+    const auto b = [](const auto& row) { return row.b; };
+    build(shared_index_, shared_lanes, a, b);
+    build(overlap_index_, overlaps, a, b);
+}
+
+Sample Map::at(int route, float position) const {
+    const std::vector<Sample>& samples = routes[static_cast<std::size_t>(route)].samples;
+    const float x = std::clamp(position / spacing, 0.0F, static_cast<float>(samples.size() - 1));
+    const std::size_t k = std::min(static_cast<std::size_t>(x), samples.size() - 2);
+    const float f = x - static_cast<float>(k);
+    const Sample &p = samples[k], &q = samples[k + 1];
+    const auto mix = [f](float from, float to) { return from + f * (to - from); };
+    Sample result{mix(p.x, q.x),         mix(p.y, q.y),         mix(p.heading, q.heading),
+                  mix(p.width, q.width), mix(p.v_max, q.v_max), {}};
+    for (std::size_t n = 0; n < 6; ++n) {
+        result.relative_heading[n] = mix(p.relative_heading[n], q.relative_heading[n]);
+    }
+    return result;
+}
+
+namespace {
+template <class Row>
+const Row* find(const std::vector<Row>& rows, const std::vector<int>& table, std::size_t count, int a, int b) {
+    const int k = table[static_cast<std::size_t>(a) * count + static_cast<std::size_t>(b)];
+    return k < 0 ? nullptr : &rows[static_cast<std::size_t>(k)];
+}
+} // namespace
+
+const Conflict* Map::conflict(int a, int b) const { return find(conflicts, conflict_index_, routes.size(), a, b); }
+const SharedLane* Map::shared_lane(int a, int b) const {
+    return find(shared_lanes, shared_index_, routes.size(), a, b);
+}
+const Overlap* Map::overlap(int a, int b) const { return find(overlaps, overlap_index_, routes.size(), a, b); }
+
+} // namespace intersection_env

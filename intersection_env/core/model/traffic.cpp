@@ -1,0 +1,133 @@
+#include "intersection_env/traffic.hpp"
+
+#include <algorithm>
+#include <array>
+#include <stdexcept>
+#include <string>
+
+#include "model/circles.hpp"
+#include "model/contact.hpp"
+
+namespace intersection_env {
+namespace {
+
+std::size_t at(int index) { return static_cast<std::size_t>(index); }
+
+[[noreturn]] void refuse(int vehicle, const std::string& problem) {
+    throw std::invalid_argument("vehicle " + std::to_string(vehicle) + ": " + problem);
+}
+
+void check_number(int vehicle, const char* what, float value, float least, float most) {
+    if (!(value >= least && value <= most)) {
+        refuse(vehicle, std::string(what) + " must be from " + std::to_string(least) + " to " + std::to_string(most) +
+                            ", not " + std::to_string(value));
+    }
+}
+
+} // namespace
+
+void check(const Map& map, const Traffic& traffic) {
+    const std::size_t count = traffic.route.size();
+    for (const auto* values :
+         {&traffic.position, &traffic.speed, &traffic.length, &traffic.width, &traffic.max_speed}) {
+        if (values->size() != count) {
+            throw std::invalid_argument("all arrays of a traffic must have one entry a vehicle");
+        }
+    }
+    if (count > MAX_VEHICLES) {
+        throw std::invalid_argument(std::to_string(count) + " vehicles are more than the " +
+                                    std::to_string(MAX_VEHICLES) + " that one traffic may hold");
+    }
+    for (int i = 0; i < static_cast<int>(count); ++i) {
+        if (traffic.route[at(i)] < 0 || at(traffic.route[at(i)]) >= map.routes.size()) {
+            refuse(i, "route " + std::to_string(traffic.route[at(i)]) + " is not one of the map's " +
+                          std::to_string(map.routes.size()));
+        }
+        check_number(i, "position", traffic.position[at(i)], 0.0F, map.routes[at(traffic.route[at(i)])].length);
+        check_number(i, "speed", traffic.speed[at(i)], 0.0F, MOST_SPEED);
+        check_number(i, "length", traffic.length[at(i)], LEAST_SIZE, MOST_LENGTH);
+        check_number(i, "width", traffic.width[at(i)], LEAST_SIZE, MOST_WIDTH);
+        if (!(traffic.max_speed[at(i)] >= 0.1F)) {
+            refuse(i, "max_speed must be at least 0.1, not " + std::to_string(traffic.max_speed[at(i)]));
+        }
+    }
+}
+
+void find_conflicts(const Map& map, const Traffic& traffic, std::vector<Pair>& found) {
+    found.clear();
+    for (int i = 0; i < traffic.count(); ++i) {
+        for (int j = 0; j < traffic.count(); ++j) {
+            const Conflict* conflict = map.conflict(traffic.route[at(i)], traffic.route[at(j)]);
+            if (conflict != nullptr && conflict->yielder == traffic.route[at(i)] &&
+                traffic.rear(i) < conflict->on_yielder.end && traffic.position[at(j)] < conflict->on_prioritized.end) {
+                found.push_back({i, j});
+            }
+        }
+    }
+}
+
+std::vector<Pair> find_conflicts(const Map& map, const Traffic& traffic) {
+    std::vector<Pair> found;
+    find_conflicts(map, traffic, found);
+    return found;
+}
+
+void lane_order(const Map& map, const Traffic& traffic, std::vector<Pair>& order) {
+    std::array<int, MAX_VEHICLES> waiting{};
+    std::size_t count = 0;
+    for (int i = 0; i < traffic.count(); ++i) {
+        if (traffic.front(i) <= map.routes[at(traffic.route[at(i)])].stop_line || !committed(map, traffic, i)) {
+            waiting[count++] = i;
+        }
+    }
+    const auto lane = [&](int i) { return map.routes[at(traffic.route[at(i)])].stop_lane; };
+    std::sort(waiting.begin(), waiting.begin() + static_cast<long>(count), [&](int a, int b) {
+        const float ahead = traffic.position[at(a)] - traffic.position[at(b)];
+        return lane(a) != lane(b) ? lane(a) < lane(b) : ahead != 0.0F ? ahead > 0.0F : a < b;
+    });
+    order.clear();
+    for (std::size_t k = 1; k < count; ++k) {
+        if (lane(waiting[k - 1]) == lane(waiting[k])) {
+            order.push_back({waiting[k - 1], waiting[k]});
+        }
+    }
+}
+
+std::vector<Pair> lane_order(const Map& map, const Traffic& traffic) {
+    std::vector<Pair> order;
+    lane_order(map, traffic, order);
+    return order;
+}
+
+bool committed(const Map& map, const Traffic& traffic, int vehicle) {
+    const Route& route = map.routes[at(traffic.route[at(vehicle)])];
+    const float speed = traffic.speed[at(vehicle)];
+    const bool cannot_stop = route.stop_line - traffic.front(vehicle) < speed * speed / (2.0F * BRAKING);
+    return cannot_stop && (speed >= 1.0F || traffic.front(vehicle) > route.first_conflict);
+}
+
+namespace {
+
+Body body(const Traffic& traffic, int i) {
+    return {traffic.route[at(i)], traffic.position[at(i)], traffic.length[at(i)], traffic.width[at(i)]};
+}
+
+} // namespace
+
+std::optional<Closest> closest(const Map& map, const Traffic& traffic) {
+    std::optional<Closest> result;
+    for (int i = 0; i < traffic.count(); ++i) {
+        for (int j = i + 1; j < traffic.count(); ++j) {
+            const float distance = intersection_env::distance(map, body(traffic, i), body(traffic, j));
+            if (distance >= NO_DISTANCE) {
+                continue;
+            }
+            if (!result || distance < result->distance) {
+                result = Closest{distance, i, j};
+            }
+        }
+    }
+    return result;
+}
+
+} // namespace intersection_env

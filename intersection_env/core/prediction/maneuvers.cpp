@@ -1,0 +1,191 @@
+#include "intersection_env/maneuvers.hpp"
+
+#include <algorithm>
+#include <bit>
+#include <limits>
+#include <numeric>
+#include <stdexcept>
+
+#include "intersection_env/orders.hpp"
+#include "model/contact.hpp"
+#include "prediction/predictor.hpp"
+
+namespace intersection_env {
+namespace {
+
+constexpr std::size_t BATCH = 1024; // orders found and predicted at a time
+
+std::size_t at(int index) { return static_cast<std::size_t>(index); }
+
+// Predicts orders and appends their maneuvers.
+class Ranked {
+  public:
+    Ranked(const Predictor& predictor, const Traffic& traffic, const Kernel& kernel, Ranking& ranking)
+        : predictor_(predictor), traffic_(traffic), kernel_(kernel), ranking_(ranking) {}
+
+    void append(std::span<const std::int8_t> orders, std::size_t count, const Trajectories& trajectories) {
+        completed_.assign(orders.begin(), orders.end());
+        time_loss_.resize(count * at(traffic_.count()));
+        distance_.resize(count);
+        predictor_.predict(traffic_, completed_, static_cast<int>(count), {},
+                           {trajectories, time_loss_.data(), distance_.data()}, kernel_);
+        ranking_.priorities.insert(ranking_.priorities.end(), orders.begin(), orders.end());
+        for (std::size_t s = 0; s < count; ++s) {
+            ranking_.maneuvers.push_back(maneuver(s));
+        }
+    }
+
+  private:
+    Maneuver maneuver(std::size_t s) const {
+        Maneuver result{0.0, 0.0, 0.0, distance_[s], distance_[s] >= COLLISION_DISTANCE, false, true};
+        for (std::size_t i = 0; i < at(traffic_.count()); ++i) {
+            const double lost = time_loss_[s * at(traffic_.count()) + i];
+            result.total_time_loss += lost;
+            result.worst_time_loss = std::max(result.worst_time_loss, lost);
+        }
+        const bool first = ranking_.maneuvers.empty(); // no intervention
+        result.intervention = !first;
+        result.gain = first ? 0.0 : ranking_.maneuvers.front().total_time_loss - result.total_time_loss;
+        result.worth_executing = result.safe && result.gain > WORTHWHILE_GAIN;
+        return result;
+    }
+
+    const Predictor& predictor_;
+    const Traffic& traffic_;
+    const Kernel& kernel_;
+    Ranking& ranking_;
+    std::vector<std::int8_t> completed_;
+    std::vector<float> time_loss_, distance_;
+};
+
+void sort(Ranking& ranking) {
+    const std::vector<Maneuver> found = std::move(ranking.maneuvers);
+    const std::vector<std::int8_t> priorities = std::move(ranking.priorities);
+    std::vector<std::size_t> rows(found.size());
+    std::iota(rows.begin(), rows.end(), std::size_t{0});
+    std::stable_sort(rows.begin(), rows.end(), [&found](std::size_t a, std::size_t b) {
+        return found[a].safe != found[b].safe ? found[a].safe : found[a].total_time_loss < found[b].total_time_loss;
+    });
+    ranking.maneuvers.clear();
+    ranking.priorities.clear();
+    const auto pairs = static_cast<std::ptrdiff_t>(ranking.pairs.size());
+    for (const std::size_t row : rows) {
+        ranking.maneuvers.push_back(found[row]);
+        const auto begin = priorities.begin() + static_cast<std::ptrdiff_t>(row) * pairs;
+        ranking.priorities.insert(ranking.priorities.end(), begin, begin + pairs);
+    }
+}
+
+// The first time step at which a vehicle's front has reached a line; STEPS + 1 if never.
+int reaches(const float* position, int vehicles, int vehicle, float half_length, float line) {
+    int step = 0;
+    while (step <= STEPS && !(position[step * vehicles + vehicle] + half_length >= line)) {
+        ++step;
+    }
+    return step;
+}
+
+// For each vehicle, those ahead of it in its stop lane, as bits.
+std::vector<std::uint64_t> ahead_in_lanes(const Map& map, const Traffic& traffic) {
+    std::vector<std::uint64_t> ahead(at(traffic.count()));
+    for (const Pair& arc : lane_order(map, traffic)) { // front to back, so everybody ahead is known already
+        ahead[at(arc.prioritized)] = ahead[at(arc.yielder)] | std::uint64_t{1} << arc.yielder;
+    }
+    return ahead;
+}
+
+std::string words(std::span<const std::string> names, std::vector<std::uint64_t> waits_for, std::uint64_t involved,
+                  const std::vector<double>& to_line) {
+    std::string text;
+    while (involved != 0) {
+        int nearest = -1;
+        for (std::uint64_t left = involved; left != 0; left &= left - 1) {
+            const int i = std::countr_zero(left);
+            if ((waits_for[at(i)] & involved) == 0 && (nearest < 0 || to_line[at(i)] < to_line[at(nearest)])) {
+                nearest = i;
+            }
+        }
+        if (nearest < 0) {
+            throw std::invalid_argument("the order has vehicles wait for each other");
+        }
+        text += (text.empty() ? "" : ", ") + names[at(nearest)];
+        involved &= ~(std::uint64_t{1} << nearest);
+    }
+    return text.empty() ? "nobody waits" : text;
+}
+
+} // namespace
+
+Ranking rank_maneuvers(const Predictor& predictor, const Traffic& traffic, std::span<const std::uint8_t> cooperative,
+                       std::optional<std::size_t> limit, const Kernel& kernel) {
+    const Map& map = predictor.map();
+    check(map, traffic);
+    if (cooperative.size() != at(traffic.count())) {
+        throw std::invalid_argument("cooperative takes one flag a vehicle");
+    }
+    Ranking ranking;
+    ranking.pairs = find_conflicts(map, traffic);
+    Ranked ranked(predictor, traffic, kernel, ranking);
+    std::vector<std::int8_t> batch(ranking.pairs.size());
+    const std::size_t frames = at(STEPS + 1) * at(traffic.count());
+    std::vector<float> position(frames), speed(frames), acceleration(frames);
+    std::vector<std::uint8_t> enters(frames), present(frames);
+    ranked.append(batch, 1, {position.data(), speed.data(), acceleration.data(), enters.data(), present.data()});
+    Orders orders(map, traffic, ranking.pairs, cooperative,
+                  crossing_order(map, traffic, ranking.pairs, position.data(), 1));
+    batch.resize(BATCH * ranking.pairs.size());
+    std::size_t remaining = limit.value_or(std::numeric_limits<std::size_t>::max());
+    while (const std::size_t found = orders.next(batch.data(), std::min(BATCH, remaining))) {
+        remaining -= found;
+        ranked.append({batch.data(), found * ranking.pairs.size()}, found, {});
+    }
+    ranking.left_out = limit ? orders.count_remaining(MOST_COUNTED) : 0;
+    sort(ranking);
+    return ranking;
+}
+
+std::vector<std::int8_t> crossing_order(const Map& map, const Traffic& traffic, std::span<const Pair> pairs,
+                                        const float* position, std::size_t scenarios) {
+    std::vector<std::int8_t> order;
+    order.reserve(scenarios * pairs.size());
+    const int count = traffic.count();
+    for (std::size_t s = 0; s < scenarios; ++s) {
+        const float* of_scenario = position + s * at(STEPS + 1) * at(count);
+        for (const auto& [i, j] : pairs) {
+            const Conflict& conflict = *map.conflict(traffic.route[at(i)], traffic.route[at(j)]);
+            const int yielder = reaches(of_scenario, count, i, 0.5F * traffic.length[at(i)], conflict.on_yielder.begin);
+            const int prioritized =
+                reaches(of_scenario, count, j, 0.5F * traffic.length[at(j)], conflict.on_prioritized.begin);
+            order.push_back(yielder < prioritized ? 1 : prioritized <= STEPS ? -1 : 0);
+        }
+    }
+    return order;
+}
+
+std::vector<std::string> in_words(const Map& map, const Traffic& traffic, std::span<const Pair> pairs,
+                                  std::span<const std::string> names, const std::int8_t* orders, std::size_t count) {
+    const std::vector<std::uint64_t> ahead = ahead_in_lanes(map, traffic);
+    std::vector<double> to_line;
+    for (int i = 0; i < traffic.count(); ++i) {
+        to_line.push_back(double{map.routes[at(traffic.route[at(i)])].stop_line} - double{traffic.position[at(i)]});
+    }
+    std::vector<std::string> sentences;
+    sentences.reserve(count);
+    for (std::size_t order = 0; order < count; ++order) {
+        std::vector<std::uint64_t> waits_for = ahead;
+        std::uint64_t involved = 0;
+        for (std::size_t p = 0; p < pairs.size(); ++p) {
+            const int way = orders[order * pairs.size() + p];
+            if (way != 0) {
+                const int first = way > 0 ? pairs[p].yielder : pairs[p].prioritized;
+                const int second = way > 0 ? pairs[p].prioritized : pairs[p].yielder;
+                waits_for[at(second)] |= std::uint64_t{1} << first;
+                involved |= std::uint64_t{1} << first | std::uint64_t{1} << second;
+            }
+        }
+        sentences.push_back(words(names, std::move(waits_for), involved, to_line));
+    }
+    return sentences;
+}
+
+} // namespace intersection_env

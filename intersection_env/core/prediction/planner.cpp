@@ -1,0 +1,101 @@
+#include "intersection_env/planner.hpp"
+
+#include <stdexcept>
+#include <utility>
+
+#include "kernel/dispatch.hpp"
+#include "prediction/predictor.hpp"
+
+namespace intersection_env {
+namespace {
+
+int route_named(const Map& map, const std::string& id) {
+    std::string known;
+    for (std::size_t r = 0; r < map.routes.size(); ++r) {
+        if (map.routes[r].id == id) {
+            return static_cast<int>(r);
+        }
+        known += (r == 0 ? "" : ", ") + map.routes[r].id;
+    }
+    throw std::invalid_argument(map.name + " has no route \"" + id + "\"; its routes are " + known);
+}
+
+std::size_t scenarios_in(std::span<const std::int8_t> priorities, std::size_t pairs) {
+    if (priorities.empty()) {
+        return 1;
+    }
+    if (pairs == 0 || priorities.size() % pairs != 0) {
+        throw std::invalid_argument("priorities must be (scenario, " + std::to_string(pairs) + "), not " +
+                                    std::to_string(priorities.size()) + " numbers");
+    }
+    for (const std::int8_t way : priorities) {
+        if (way < -1 || way > 1) {
+            throw std::invalid_argument("priorities must be +1 (yielder first), -1 (prioritized first) or 0");
+        }
+    }
+    return priorities.size() / pairs;
+}
+
+} // namespace
+
+Traffic traffic_of(const Map& map, std::span<const Vehicle> vehicles) {
+    Traffic traffic;
+    for (const Vehicle& vehicle : vehicles) {
+        traffic.route.push_back(route_named(map, vehicle.route));
+        traffic.position.push_back(vehicle.position);
+        traffic.speed.push_back(vehicle.speed);
+        traffic.length.push_back(vehicle.length);
+        traffic.width.push_back(vehicle.width);
+        traffic.max_speed.push_back(vehicle.max_speed);
+    }
+    check(map, traffic);
+    if (const auto found = closest(map, traffic); found && found->distance < 0.0F) {
+        throw std::invalid_argument("vehicle " + std::to_string(found->a) + " and vehicle " + std::to_string(found->b) +
+                                    " overlap");
+    }
+    return traffic;
+}
+
+Planner::Planner(Map map, Policy policy, int threads)
+    : predictor_(
+          std::make_shared<const Predictor>(std::make_shared<const Map>(std::move(map)), std::move(policy), threads)) {}
+
+const Map& Planner::map() const { return predictor_->map(); }
+const Policy& Planner::policy() const { return predictor_->policy(); }
+
+Prediction Planner::predict(const Traffic& traffic, std::span<const std::int8_t> priorities) const {
+    Prediction result;
+    predict(traffic, priorities, result);
+    return result;
+}
+
+void Planner::predict(const Traffic& traffic, std::span<const std::int8_t> priorities, Prediction& result) const {
+    check(map(), traffic);
+    find_conflicts(map(), traffic, result.pairs);
+    const std::size_t vehicles = traffic.route.size(), scenarios = scenarios_in(priorities, result.pairs.size());
+    result.scenarios = static_cast<int>(scenarios);
+    result.vehicles = traffic.count();
+    result.priorities.assign(priorities.begin(), priorities.end());
+    result.priorities.resize(scenarios * result.pairs.size());
+    for (auto* values : {&result.position, &result.speed, &result.acceleration}) {
+        values->resize(scenarios * (STEPS + 1) * vehicles);
+    }
+    result.enters.resize(result.position.size());
+    result.present.resize(result.position.size());
+    result.time_loss.resize(scenarios * vehicles);
+    result.minimum_distance.resize(scenarios);
+    predictor_->predict(traffic, result.priorities, result.scenarios, {},
+                        {{result.position.data(), result.speed.data(), result.acceleration.data(), result.enters.data(),
+                          result.present.data()},
+                         result.time_loss.data(),
+                         result.minimum_distance.data()},
+                        kernel());
+}
+
+Ranking Planner::rank(const Traffic& traffic, std::span<const std::uint8_t> cooperative,
+                      std::optional<std::size_t> limit) const {
+    const std::vector<std::uint8_t> all(cooperative.empty() ? traffic.route.size() : 0, 1);
+    return rank_maneuvers(*predictor_, traffic, cooperative.empty() ? all : cooperative, limit, kernel());
+}
+
+} // namespace intersection_env

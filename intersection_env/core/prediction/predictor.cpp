@@ -1,0 +1,287 @@
+#include "prediction/predictor.hpp"
+
+#include <algorithm>
+#include <atomic>
+#include <functional>
+#include <limits>
+#include <stdexcept>
+#include <string>
+
+#include "intersection_env/orders.hpp"
+#include "model/circles.hpp"
+#include "tables/lane_tables.hpp"
+#include "threads.hpp"
+
+namespace intersection_env {
+namespace {
+
+constexpr Interval EVERYWHERE{-FAR, FAR};
+
+std::size_t at(int index) { return static_cast<std::size_t>(index); }
+
+// One call's scenarios, and where their results go.
+struct Batch {
+    const Problem& problem;
+    std::span<const std::int8_t> assignments;
+    std::span<const std::uint8_t> decisions;
+    const Results& results;
+    int scenarios;
+
+    // `count` scenarios from `first` on.
+    ScenarioArguments part(int first, int count) const {
+        const std::size_t vehicles = at(problem.vehicle_count), frames = at(first) * (STEPS + 1) * vehicles;
+        const auto from = [frames](auto* values) { return values == nullptr ? nullptr : values + frames; };
+        const Trajectories& t = results.trajectories;
+        return {assignments.data() + at(first) * at(problem.pair_count),
+                decisions.empty() ? nullptr : decisions.data() + at(first) * STEPS * vehicles,
+                count,
+                {from(t.position), from(t.speed), from(t.acceleration), from(t.enters), from(t.present)},
+                results.time_loss + at(first) * vehicles,
+                results.minimum_distance == nullptr ? nullptr : results.minimum_distance + first};
+    }
+};
+
+} // namespace
+
+struct Predictor::Bound {
+    std::vector<ProblemVehicle> vehicles;
+    std::vector<LeadCandidate> candidates;
+    std::vector<ProblemPair> pairs;
+    std::vector<Touch> touches;
+    LaneTables lanes;
+};
+
+struct Predictor::Workspaces {
+    const Kernel* kernel = nullptr; // whose these are
+    Workspace *block = nullptr, *one = nullptr;
+
+    Workspaces() = default;
+    Workspaces(const Workspaces&) = delete;
+    Workspaces& operator=(const Workspaces&) = delete;
+    ~Workspaces() { release(); }
+
+    void serve(const Kernel& wanted) {
+        if (kernel != &wanted) {
+            release();
+            block = wanted.create_scenario_block();
+            one = wanted.create_one_scenario();
+            kernel = &wanted;
+        }
+    }
+
+    void release() {
+        if (kernel != nullptr) {
+            kernel->destroy_scenario_block(block);
+            kernel->destroy_one_scenario(one);
+        }
+        kernel = nullptr;
+    }
+
+    // One block of the batch: its scenarios together, or one after the other where they are few.
+    void predict(const Batch& batch, int block_index) {
+        const int first = block_index * kernel->lanes;
+        const int count = std::min(kernel->lanes, batch.scenarios - first);
+        if (count >= kernel->worth_a_block) {
+            kernel->predict_scenario_block(batch.problem, batch.part(first, count), *block);
+            return;
+        }
+        for (int s = first; s < first + count; ++s) {
+            kernel->predict_one_scenario(batch.problem, batch.part(s, 1), *one);
+        }
+    }
+};
+
+struct Predictor::Memory {
+    std::vector<Pair> pairs;
+    Completion completion;
+    Bound bound;
+    Workspaces workspaces;
+};
+
+struct Predictor::Crew {
+    explicit Crew(int count) : threads(count), workspaces(at(threads.count())) {}
+
+    Threads threads;
+    std::vector<Workspaces> workspaces; // one a thread
+    std::atomic_flag busy;
+
+    // False where they help another caller at this moment.
+    bool predict(const Batch& batch, int blocks, const Kernel& kernel) {
+        const Attempt attempt(busy);
+        if (!attempt.succeeded()) {
+            return false;
+        }
+        for (Workspaces& one : workspaces) {
+            one.serve(kernel);
+        }
+        const auto work = [&](int block, int thread) { workspaces[at(thread)].predict(batch, block); };
+        threads.share(blocks, std::ref(work)); // a copy would be allocated
+        return true;
+    }
+};
+
+Predictor::Memory& Predictor::memory() {
+    static thread_local Memory memory;
+    return memory;
+}
+
+Predictor::Predictor(std::shared_ptr<const Map> map, Policy policy, int threads)
+    : map_(std::move(map)), policy_(std::move(policy)), tables_(*map_, policy_.idm),
+      crew_(threads == 1 ? nullptr : std::make_unique<Crew>(threads)) {
+    if ((policy_.gap == Gap::network && !policy_.gap_network) ||
+        (policy_.driver == Driver::network && !policy_.driving_network)) {
+        throw std::invalid_argument("the policy names a network that it does not hold");
+    }
+}
+
+Predictor::~Predictor() = default;
+
+void Predictor::add_candidates(const Traffic& traffic, int i, Bound& bound) const {
+    const int route = traffic.route[at(i)];
+    for (int j = 0; j < traffic.count(); ++j) {
+        const int other = traffic.route[at(j)];
+        if (i == j) {
+            continue;
+        }
+        LeadCandidate candidate{};
+        candidate.other = j;
+        candidate.half_lengths = 0.5F * (traffic.length[at(i)] + traffic.length[at(j)]);
+        candidate.same_stop_lane = map_->routes[at(route)].stop_lane == map_->routes[at(other)].stop_lane;
+        const SharedLane* shared = map_->shared_lane(route, other);
+        if (route == other) {
+            candidate.split = EVERYWHERE.end;
+        } else if (shared == nullptr) {
+            continue;
+        } else if (shared->split > 0.0F) {
+            candidate.split = shared->split;
+            if (std::max(traffic.rear(i), traffic.rear(j)) >= shared->split) {
+                continue; // nobody drives backwards
+            }
+        } else {
+            candidate.after_merge = true;
+            candidate.merge = shared->a == other ? shared->merge_a : shared->merge_b;
+            candidate.offset = shared->a == route ? shared->offset : -shared->offset;
+        }
+        bound.candidates.push_back(candidate);
+    }
+}
+
+void Predictor::add_touches(const Traffic& traffic, Bound& bound) const {
+    for (int a = 0; a < traffic.count(); ++a) {
+        for (int b = a + 1; b < traffic.count(); ++b) {
+            Touch touch{a, b, EVERYWHERE, EVERYWHERE, CIRCLE_RADIUS * (traffic.width[at(a)] + traffic.width[at(b)])};
+            if (traffic.route[at(a)] != traffic.route[at(b)]) {
+                const Overlap* overlap = map_->overlap(traffic.route[at(a)], traffic.route[at(b)]);
+                if (overlap == nullptr) {
+                    continue;
+                }
+                const bool in_order = overlap->a == traffic.route[at(a)];
+                touch.on_a = in_order ? overlap->on_a : overlap->on_b;
+                touch.on_b = in_order ? overlap->on_b : overlap->on_a;
+                if (traffic.rear(a) > touch.on_a.end || traffic.rear(b) > touch.on_b.end) {
+                    continue;
+                }
+            }
+            bound.touches.push_back(touch);
+        }
+    }
+}
+
+void Predictor::bind(const Traffic& traffic, std::span<const Pair> pairs, Bound& bound) const {
+    bound.vehicles.clear();
+    bound.candidates.clear();
+    bound.pairs.clear();
+    bound.touches.clear();
+    for (int i = 0; i < traffic.count(); ++i) {
+        const int index = traffic.route[at(i)];
+        const Route& route = map_->routes[at(index)];
+        const int first = static_cast<int>(bound.candidates.size());
+        add_candidates(traffic, i, bound);
+        bound.vehicles.push_back({tables_.first_row[at(index)], static_cast<int>(route.samples.size()) - 1,
+                                  traffic.position[at(i)], traffic.speed[at(i)], 0.5F * traffic.length[at(i)],
+                                  std::min(traffic.max_speed[at(i)], UNBOUNDED), route.stop_line, route.length, index,
+                                  committed(*map_, traffic, i), first, static_cast<int>(bound.candidates.size())});
+    }
+    for (const Pair& pair : pairs) {
+        const Conflict& conflict =
+            *map_->conflict(traffic.route[at(pair.yielder)], traffic.route[at(pair.prioritized)]);
+        bound.pairs.push_back(
+            {pair.yielder, pair.prioritized, conflict.on_yielder.end, conflict.on_prioritized.end, conflict.merging});
+    }
+    add_touches(traffic, bound);
+    bound.lanes.fill(bound.vehicles, bound.candidates, bound.pairs);
+}
+
+Problem Predictor::problem(const Bound& bound) const {
+    return {bound.vehicles.data(),
+            bound.candidates.data(),
+            bound.pairs.data(),
+            bound.touches.data(),
+            static_cast<int>(bound.vehicles.size()),
+            static_cast<int>(bound.pairs.size()),
+            static_cast<int>(bound.touches.size()),
+            static_cast<int>(map_->routes.size()),
+            1.0F / map_->spacing,
+            policy_.gap,
+            policy_.driver,
+            policy_.idm,
+            policy_.acceleration_scale,
+            policy_.gap_network ? &*policy_.gap_network : nullptr,
+            policy_.driving_network ? &*policy_.driving_network : nullptr,
+            tables_.observed.data(),
+            tables_.pose.data(),
+            bound.lanes.problem()};
+}
+
+void Predictor::observe(const Traffic& traffic, float* driving, float* gap, std::uint8_t* accepts,
+                        const Kernel& kernel) const {
+    check(*map_, traffic);
+    Memory& own = memory();
+    own.workspaces.serve(kernel);
+    find_open_pairs(traffic, own.pairs);
+    bind(traffic, own.pairs, own.bound);
+    kernel.observe(problem(own.bound), {driving, gap, accepts}, *own.workspaces.block);
+}
+
+void Predictor::find_open_pairs(const Traffic& traffic, std::vector<Pair>& pairs) const {
+    find_conflicts(*map_, traffic, pairs);
+    if (pairs.size() > MAX_PAIRS) {
+        throw std::invalid_argument(std::to_string(pairs.size()) + " conflicting pairs are more than " +
+                                    std::to_string(MAX_PAIRS));
+    }
+}
+
+void Predictor::predict(const Traffic& traffic, std::span<std::int8_t> assignments, int scenarios,
+                        std::span<const std::uint8_t> decisions, const Results& results, const Kernel& kernel) const {
+    check(*map_, traffic);
+    Memory& own = memory();
+    find_open_pairs(traffic, own.pairs);
+    const std::vector<Pair>& pairs = own.pairs;
+    const std::size_t pair_count = pairs.size(), vehicles = at(traffic.count());
+    if (scenarios < 0 || assignments.size() != at(scenarios) * pair_count ||
+        (!decisions.empty() && decisions.size() != at(scenarios) * STEPS * vehicles)) {
+        throw std::invalid_argument("assignments must be (scenario, " + std::to_string(pair_count) +
+                                    ") and decisions (scenario, " + std::to_string(STEPS) + ", vehicle)");
+    }
+    own.completion.prepare(*map_, traffic, pairs);
+    for (int s = 0; s < scenarios; ++s) {
+        own.completion.complete(assignments.subspan(at(s) * pair_count, pair_count));
+    }
+    bind(traffic, pairs, own.bound);
+    const Problem shared = problem(own.bound);
+    const Batch batch{shared, assignments, decisions, results, scenarios};
+    const int blocks = (scenarios + kernel.lanes - 1) / kernel.lanes;
+    if (crew_ == nullptr || blocks <= 1 || !crew_->predict(batch, blocks, kernel)) {
+        own.workspaces.serve(kernel);
+        for (int block = 0; block < blocks; ++block) {
+            own.workspaces.predict(batch, block);
+        }
+    }
+    if (results.minimum_distance != nullptr) {
+        std::replace_if(
+            results.minimum_distance, results.minimum_distance + scenarios,
+            [](float distance) { return distance >= NO_DISTANCE; }, std::numeric_limits<float>::infinity());
+    }
+}
+
+} // namespace intersection_env

@@ -1,0 +1,136 @@
+// Maps, and the vehicles on them.
+#include "python/bind.hpp"
+
+#include <memory>
+#include <optional>
+#include <string>
+#include <tuple>
+#include <vector>
+
+#include <nanobind/stl/optional.h>
+#include <nanobind/stl/shared_ptr.h>
+#include <nanobind/stl/string.h>
+#include <nanobind/stl/tuple.h>
+#include <nanobind/stl/vector.h>
+
+#include "intersection_env/map.hpp"
+#include "intersection_env/traffic.hpp"
+#include "python/arrays.hpp"
+
+namespace intersection_env::python {
+
+using namespace nb::literals;
+
+namespace {
+
+Traffic make_traffic(const Map& map, const Vector<int>& route, const Vector<float>& position,
+                     const Vector<float>& speed, const Vector<float>& length, const Vector<float>& width,
+                     const Vector<float>& max_speed) {
+    Traffic traffic{copy(route), copy(position), copy(speed), copy(length), copy(width), copy(max_speed)};
+    check(map, traffic);
+    return traffic;
+}
+
+nb::ndarray<nb::numpy, int> as_array(const std::vector<Pair>& pairs) {
+    auto array = make<int>({pairs.size(), 2});
+    for (std::size_t p = 0; p < pairs.size(); ++p) {
+        array.data()[2 * p] = pairs[p].yielder;
+        array.data()[2 * p + 1] = pairs[p].prioritized;
+    }
+    return array;
+}
+
+std::vector<std::tuple<int, int, bool, float, float, float, float>> conflict_rows(const Map& map) {
+    std::vector<std::tuple<int, int, bool, float, float, float, float>> rows;
+    for (const Conflict& c : map.conflicts) {
+        rows.emplace_back(c.yielder, c.prioritized, c.merging, c.on_yielder.begin, c.on_yielder.end,
+                          c.on_prioritized.begin, c.on_prioritized.end);
+    }
+    return rows;
+}
+
+std::vector<std::tuple<int, int, float, float, float, float>> shared_lane_rows(const Map& map) {
+    std::vector<std::tuple<int, int, float, float, float, float>> rows;
+    for (const SharedLane& s : map.shared_lanes) {
+        rows.emplace_back(s.a, s.b, s.split, s.merge_a, s.merge_b, s.offset);
+    }
+    return rows;
+}
+
+nb::ndarray<nb::numpy, float> sample(const Map& map, int route, const Vector<float>& position) {
+    if (route < 0 || static_cast<std::size_t>(route) >= map.routes.size()) {
+        throw nb::index_error("no such route");
+    }
+    auto array = make<float>({position.size(), 11});
+    float* out = array.data();
+    for (std::size_t k = 0; k < position.size(); ++k) {
+        const Sample s = map.at(route, position.data()[k]);
+        for (const float value : {s.x, s.y, s.heading, s.width, s.v_max}) {
+            *out++ = value;
+        }
+        for (const float value : s.relative_heading) {
+            *out++ = value;
+        }
+    }
+    return array;
+}
+
+} // namespace
+
+void bind_model(nb::module_& m) {
+    nb::class_<Route>(m, "Route")
+        .def_ro("id", &Route::id)
+        .def_ro("length", &Route::length)
+        .def_ro("stop_line", &Route::stop_line)
+        .def_ro("stop_lane", &Route::stop_lane)
+        .def_prop_ro("junction", [](const Route& r) { return std::make_tuple(r.junction.begin, r.junction.end); })
+        .def_ro("first_conflict", &Route::first_conflict)
+        .def_prop_ro("sample_count", [](const Route& r) { return r.samples.size(); });
+
+    nb::class_<Map>(m, "Map")
+        .def(nb::new_([](std::string text, std::string where) {
+                 return std::make_shared<Map>(Map::parse(std::move(text), std::move(where)));
+             }),
+             "text"_a, "where"_a, "Reads the text of a compiled map, named `where` in errors; raises FormatError.")
+        .def_ro("name", &Map::name)
+        .def_ro("locations", &Map::locations)
+        .def_ro("spacing", &Map::spacing)
+        .def_ro("checksum", &Map::checksum)
+        .def_ro("heading_offsets", &Map::heading_offsets)
+        .def_ro("routes", &Map::routes, nb::rv_policy::reference_internal)
+        .def_prop_ro("conflicts", &conflict_rows,
+                     "Rows of yielder, prioritized, merging, and the interval on each [m].")
+        .def_prop_ro("shared_lanes", &shared_lane_rows, "Rows of a, b, split, merge on a, merge on b, offset [m].")
+        .def("sample", &sample, "route"_a, "position"_a.noconvert(),
+             "(position, 11): x, y, heading, width, v_max, six relative headings, interpolated.");
+
+    nb::class_<Traffic>(m, "Traffic", "The vehicles at one moment, checked.")
+        .def(nb::new_(&make_traffic), "map"_a, "route"_a.noconvert(), "position"_a.noconvert(), "speed"_a.noconvert(),
+             "length"_a.noconvert(), "width"_a.noconvert(), "max_speed"_a.noconvert());
+
+    m.def(
+        "conflicts", [](const Map& map, const Traffic& t) { return as_array(find_conflicts(map, t)); }, "map"_a,
+        "traffic"_a, "(pair, 2): yielder and prioritized vehicle of every open pair.");
+    m.def(
+        "lane_order", [](const Map& map, const Traffic& t) { return as_array(lane_order(map, t)); }, "map"_a,
+        "traffic"_a, "(arc, 2): a vehicle before its stop line, and the next behind it in that lane.");
+    m.def(
+        "committed",
+        [](const Map& map, const Traffic& t) {
+            auto array = make<bool>({t.route.size()});
+            for (int i = 0; i < t.count(); ++i) {
+                array.data()[i] = committed(map, t, i);
+            }
+            return array;
+        },
+        "map"_a, "traffic"_a, "(vehicle,): past stopping at its line.");
+    m.def(
+        "closest",
+        [](const Map& map, const Traffic& t) -> std::optional<std::tuple<float, int, int>> {
+            const auto found = closest(map, t);
+            return found ? std::optional(std::make_tuple(found->distance, found->a, found->b)) : std::nullopt;
+        },
+        "map"_a, "traffic"_a, "The smallest distance between two vehicles [m] and their indices, or None.");
+}
+
+} // namespace intersection_env::python

@@ -1,0 +1,219 @@
+// Crossing orders, policies, the predictor and its rankings.
+#include "python/bind.hpp"
+
+#include <algorithm>
+#include <memory>
+#include <optional>
+#include <span>
+#include <string>
+#include <tuple>
+#include <vector>
+
+#include <nanobind/stl/optional.h>
+#include <nanobind/stl/shared_ptr.h>
+#include <nanobind/stl/string.h>
+#include <nanobind/stl/tuple.h>
+#include <nanobind/stl/vector.h>
+
+#include "intersection_env/maneuvers.hpp"
+#include "intersection_env/orders.hpp"
+#include "intersection_env/policy.hpp"
+#include "kernel/dispatch.hpp"
+#include "prediction/predictor.hpp"
+#include "python/arrays.hpp"
+
+namespace intersection_env::python {
+
+using namespace nb::literals;
+
+namespace {
+
+using Floats = nb::ndarray<nb::numpy, float>;
+using Flags = nb::ndarray<nb::numpy, std::uint8_t>;
+
+std::tuple<Floats, Floats, Floats, Flags, Flags, Floats, Floats>
+predict(const Predictor& predictor, const Traffic& traffic, const Matrix<std::int8_t>& assignments, bool trajectories,
+        bool safety, const std::optional<nb::ndarray<const std::uint8_t, nb::ndim<3>, nb::c_contig>>& decisions,
+        const std::optional<std::string>& isa) {
+    const std::size_t scenarios = assignments.shape(0), vehicles = traffic.route.size();
+    const std::vector<std::size_t> shape{trajectories ? scenarios : 0, STEPS + 1, vehicles};
+    auto position = make<float>(shape), speed = make<float>(shape), acceleration = make<float>(shape);
+    auto enters = make<std::uint8_t>(shape), present = make<std::uint8_t>(shape);
+    auto time_loss = make<float>({scenarios, vehicles});
+    auto minimum_distance = make<float>({safety ? scenarios : 0});
+    Results results;
+    if (trajectories) {
+        results.trajectories = {position.data(), speed.data(), acceleration.data(), enters.data(), present.data()};
+    }
+    results.time_loss = time_loss.data();
+    results.minimum_distance = safety ? minimum_distance.data() : nullptr;
+    std::vector<std::int8_t> completed(assignments.data(), assignments.data() + assignments.size());
+    const std::span<const std::uint8_t> replayed =
+        decisions ? std::span<const std::uint8_t>(decisions->data(), decisions->size())
+                  : std::span<const std::uint8_t>();
+    {
+        const nb::gil_scoped_release release;
+        predictor.predict(traffic, completed, static_cast<int>(scenarios), replayed, results,
+                          isa ? kernel_named(*isa) : kernel());
+    }
+    return std::make_tuple(position, speed, acceleration, enters, present, time_loss, minimum_distance);
+}
+
+std::tuple<Floats, Floats, Flags> observe(const Predictor& predictor, const Traffic& traffic) {
+    const std::size_t vehicles = traffic.route.size();
+    const std::size_t pairs = find_conflicts(predictor.map(), traffic).size();
+    auto driving = make<float>({vehicles, DRIVING_INPUTS});
+    auto gap = make<float>({pairs, GAP_INPUTS});
+    auto accepts = make<std::uint8_t>({pairs});
+    predictor.observe(traffic, driving.data(), gap.data(), accepts.data(), kernel());
+    return std::make_tuple(driving, gap, accepts);
+}
+
+// One network's outputs before the last activation, for rows of features.
+Floats evaluate_gap(const Policy& policy, const Matrix<float>& features) {
+    if (!policy.gap_network || features.shape(1) != GAP_INPUTS) {
+        throw std::invalid_argument("a policy with a gap network and features (row, 4) are wanted");
+    }
+    auto out = make<float>({features.shape(0)});
+    kernel().evaluate_gap(*policy.gap_network, features.data(), static_cast<long>(features.shape(0)), out.data());
+    return out;
+}
+
+Floats evaluate_driving(const Policy& policy, const Matrix<float>& features) {
+    if (!policy.driving_network || features.shape(1) != DRIVING_INPUTS) {
+        throw std::invalid_argument("a policy with a driving network and features (row, 12) are wanted");
+    }
+    auto out = make<float>({features.shape(0)});
+    kernel().evaluate_driving(*policy.driving_network, features.data(), static_cast<long>(features.shape(0)),
+                              out.data());
+    return out;
+}
+
+Orders make_orders(const Map& map, const Traffic& traffic, const Vector<std::uint8_t>& cooperative,
+                   const Vector<std::int8_t>& preferred) {
+    const std::vector<Pair> pairs = find_conflicts(map, traffic);
+    if (cooperative.size() != traffic.route.size() || preferred.size() != pairs.size()) {
+        throw std::invalid_argument("cooperative takes one flag a vehicle, preferred one direction a pair");
+    }
+    return {map, traffic, pairs, {cooperative.data(), cooperative.size()}, {preferred.data(), preferred.size()}};
+}
+
+using Doubles = nb::ndarray<nb::numpy, double>;
+using Booleans = nb::ndarray<nb::numpy, bool>;
+
+template <class T, class Field>
+nb::ndarray<nb::numpy, T> column(const Ranking& ranking, Field Maneuver::* field) {
+    auto array = make<T>({ranking.maneuvers.size()});
+    std::transform(ranking.maneuvers.begin(), ranking.maneuvers.end(), array.data(),
+                   [field](const Maneuver& maneuver) { return static_cast<T>(maneuver.*field); });
+    return array;
+}
+
+std::tuple<Arrays, std::size_t> rank(const Predictor& predictor, const Traffic& traffic,
+                                     const Vector<std::uint8_t>& cooperative, std::optional<std::size_t> limit) {
+    Ranking ranking;
+    {
+        const nb::gil_scoped_release release;
+        ranking = rank_maneuvers(predictor, traffic, {cooperative.data(), cooperative.size()}, limit, kernel());
+    }
+    auto priorities = make<std::int8_t>({ranking.maneuvers.size(), ranking.pairs.size()});
+    std::copy(ranking.priorities.begin(), ranking.priorities.end(), priorities.data());
+    Arrays columns;
+    columns["total_time_loss"] = column<double>(ranking, &Maneuver::total_time_loss);
+    columns["worst_time_loss"] = column<double>(ranking, &Maneuver::worst_time_loss);
+    columns["gain"] = column<double>(ranking, &Maneuver::gain);
+    columns["worth_executing"] = column<bool>(ranking, &Maneuver::worth_executing);
+    columns["minimum_distance"] = column<double>(ranking, &Maneuver::minimum_distance);
+    columns["safe"] = column<bool>(ranking, &Maneuver::safe);
+    columns["intervention"] = column<bool>(ranking, &Maneuver::intervention);
+    columns["priorities"] = priorities;
+    return {columns, ranking.left_out};
+}
+
+nb::ndarray<nb::numpy, std::int8_t>
+order_of(const Map& map, const Traffic& traffic,
+         const nb::ndarray<const float, nb::ndim<3>, nb::c_contig, nb::device::cpu>& position) {
+    if (position.shape(1) != STEPS + 1 || position.shape(2) != traffic.route.size()) {
+        throw std::invalid_argument("position must be (scenario, " + std::to_string(STEPS + 1) + ", vehicle)");
+    }
+    const std::vector<Pair> pairs = find_conflicts(map, traffic);
+    const std::vector<std::int8_t> order = crossing_order(map, traffic, pairs, position.data(), position.shape(0));
+    auto array = make<std::int8_t>({position.shape(0), pairs.size()});
+    std::copy(order.begin(), order.end(), array.data());
+    return array;
+}
+
+std::vector<std::string> words_of(const Map& map, const Traffic& traffic, const std::vector<std::string>& names,
+                                  const Matrix<std::int8_t>& orders) {
+    const std::vector<Pair> pairs = find_conflicts(map, traffic);
+    if (names.size() != traffic.route.size() || orders.shape(1) != pairs.size()) {
+        throw std::invalid_argument("names take one entry a vehicle, orders (order, " + std::to_string(pairs.size()) +
+                                    ")");
+    }
+    return in_words(map, traffic, pairs, names, orders.data(), orders.shape(0));
+}
+
+} // namespace
+
+void bind_prediction(nb::module_& m) {
+    m.def(
+        "complete",
+        [](const Map& map, const Traffic& traffic, const Matrix<std::int8_t>& assignments) {
+            const std::vector<Pair> pairs = find_conflicts(map, traffic);
+            if (assignments.shape(1) != pairs.size()) {
+                throw std::invalid_argument("assignments must be (scenario, " + std::to_string(pairs.size()) + ")");
+            }
+            auto array = make<std::int8_t>({assignments.shape(0), pairs.size()});
+            std::copy(assignments.data(), assignments.data() + assignments.size(), array.data());
+            Completion completion;
+            completion.prepare(map, traffic, pairs);
+            for (std::size_t s = 0; s < assignments.shape(0); ++s) {
+                completion.complete({array.data() + s * pairs.size(), pairs.size()});
+            }
+            return array;
+        },
+        "map"_a, "traffic"_a, "assignments"_a.noconvert(),
+        "(scenario, pair): the assignments and what they imply; raises ValueError for a contradiction.");
+
+    nb::class_<Orders>(m, "Orders", "Streams the crossing orders of a traffic.")
+        .def(nb::new_(&make_orders), "map"_a, "traffic"_a, "cooperative"_a.noconvert(), "preferred"_a.noconvert())
+        .def(
+            "next",
+            [](Orders& orders, std::size_t most) {
+                const std::size_t pairs = orders.pair_count();
+                std::vector<std::int8_t> buffer(most * pairs + 1);
+                const std::size_t count = orders.next(buffer.data(), most);
+                auto array = make<std::int8_t>({count, pairs});
+                std::copy_n(buffer.data(), count * pairs, array.data());
+                return array;
+            },
+            "most"_a, "(order, pair): up to `most` further orders.")
+        .def("count_remaining", &Orders::count_remaining, "most"_a, "How many are left, counted up to `most`.");
+
+    nb::class_<Policy>(m, "Policy")
+        .def(nb::new_(
+                 [](std::string text, std::string where) { return Policy::parse(std::move(text), std::move(where)); }),
+             "text"_a, "where"_a, "Reads the text of a policy file, named `where` in errors; raises FormatError.")
+        .def_ro("about", &Policy::about, "Provenance and scores, JSON.")
+        .def("evaluate_gap", &evaluate_gap, "features"_a.noconvert(), "(row,): logits of accepting the gap.")
+        .def("evaluate_driving", &evaluate_driving, "features"_a.noconvert(),
+             "(row,): the driving network's output before its last tanh.");
+
+    nb::class_<Predictor>(m, "Predictor")
+        .def(nb::init<std::shared_ptr<const Map>, Policy, int>(), "map"_a, "policy"_a, "threads"_a = 1)
+        .def("observe", &observe, "traffic"_a,
+             "driving (vehicle, 12) and gap (pair, 4) features, and which pairs' gaps are accepted (pair,).")
+        .def("predict", &predict, "traffic"_a, "assignments"_a.noconvert(), "trajectories"_a, "safety"_a,
+             "decisions"_a.noconvert().none() = nb::none(), "isa"_a = nb::none(),
+             "position, speed, acceleration, enters, present, time_loss, minimum_distance.");
+
+    m.def("rank_maneuvers", &rank, "predictor"_a, "traffic"_a, "cooperative"_a.noconvert(), "limit"_a.none(),
+          "Every crossing order and no intervention, ranked: columns (maneuver,), priorities (maneuver, pair); and how "
+          "many orders were left out.");
+    m.def("crossing_order", &order_of, "map"_a, "traffic"_a, "position"_a.noconvert(),
+          "(scenario, pair): who reached each conflict first in positions (scenario, time, vehicle).");
+    m.def("in_words", &words_of, "map"_a, "traffic"_a, "names"_a, "orders"_a.noconvert(),
+          "Orders (order, pair) as sequences of vehicles.");
+}
+
+} // namespace intersection_env::python

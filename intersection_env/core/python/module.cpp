@@ -1,0 +1,67 @@
+// The core as a Python module. Arrays are float32, int32 or int8, C-contiguous, never converted.
+#include <string>
+#include <tuple>
+#include <vector>
+
+#include <nanobind/nanobind.h>
+#include <nanobind/stl/string.h>
+#include <nanobind/stl/tuple.h>
+#include <nanobind/stl/vector.h>
+
+#include "intersection_env/format_error.hpp"
+#include "intersection_env/maneuvers.hpp"
+#include "intersection_env/policy.hpp"
+#include "intersection_env/traffic.hpp"
+#include "kernel/dispatch.hpp"
+#include "python/bind.hpp"
+#include "threads.hpp"
+
+namespace nb = nanobind;
+using namespace nb::literals;
+using namespace intersection_env;
+
+NB_MODULE(_core, m) {
+    m.doc() = "The C++ core: maps, conflicts, crossing orders, prediction.";
+    nb::exception<FormatError>(m, "FormatError", PyExc_ValueError);
+    m.attr("DT") = DT;
+    m.attr("STEPS") = STEPS;
+    m.attr("MAX_VEHICLES") = MAX_VEHICLES;
+    m.attr("MOST_THREADS") = MOST_THREADS;
+    m.attr("BRAKING") = BRAKING;
+    m.attr("LEAST_SIZE") = LEAST_SIZE;
+    m.attr("MOST_LENGTH") = MOST_LENGTH;
+    m.attr("MOST_WIDTH") = MOST_WIDTH;
+    m.attr("MOST_SPEED") = MOST_SPEED;
+    m.attr("WORTHWHILE_GAIN") = WORTHWHILE_GAIN;
+    m.attr("MOST_MANEUVERS") = MOST_MANEUVERS;
+    m.attr("MOST_COUNTED") = MOST_COUNTED;
+    m.def("available_kernels", &available_kernels, "The instruction sets of this machine's kernels, best last.");
+    m.def(
+        "gap_features", [] { return std::vector<std::string>(GAP_FEATURES.begin(), GAP_FEATURES.end()); },
+        "The gap network's inputs, by name and unit.");
+    m.def(
+        "driving_features", [] { return std::vector<std::string>(DRIVING_FEATURES.begin(), DRIVING_FEATURES.end()); },
+        "The driving network's inputs, by name and unit.");
+    m.def(
+        "multiply_adds",
+        [](const std::string& isa, long rounds) {
+            const Kernel& one = kernel_named(isa);
+            const nb::gil_scoped_release release;
+            return std::make_tuple(12 * one.lanes * rounds, one.multiply_add(rounds));
+        },
+        "isa"_a, "rounds"_a,
+        "Does float32 multiply-adds as fast as this kernel can; how many, and a number they end in.");
+    m.def(
+        "tanhs",
+        [](const std::string& isa, long rounds) {
+            const Kernel& one = kernel_named(isa);
+            const nb::gil_scoped_release release;
+            return std::make_tuple(16 * one.lanes * rounds, one.hyperbolic_tangent(rounds));
+        },
+        "isa"_a, "rounds"_a, "Likewise tanh.");
+    m.def("kernel_name", [] { return kernel().name; }, "The kernel in use.");
+
+    python::bind_model(m);
+    python::bind_prediction(m);
+    python::bind_worlds(m);
+}

@@ -1,0 +1,48 @@
+// The map, row by row, for lanes that each have a route of their own.
+#pragma once
+
+#include <memory>
+#include <vector>
+
+#include "intersection_env/map.hpp"
+#include "tables/route_tables.hpp"
+
+namespace intersection_env {
+
+constexpr int MAX_ROUTES = 32; // ours: one machine word of bits says which routes overlap
+
+constexpr int ROUTE_COLUMNS =
+    8; // stop line, length, first conflict, first row, last row, stop lane, overlaps (2 x 16 bits)
+constexpr int PAIR_COLUMNS = 4; // what two routes are to each other, in one quad:
+// where they conflict, the ends of the conflict on the own and on the other route (where they merge, if they do), the
+// other's offset in the lane after a merge, and 1 crossing or 2 merging, negative where the other route yields;
+// where they share the lane before a split, 0, 0, the split and SHARED_ENTRY; else zeros
+constexpr float SHARED_ENTRY = 3.0F;
+
+// Pointers only, as the kernel wants it.
+struct MapRows {
+    const Map* whole;
+    const float* observed; // (row, OBSERVED_COLUMNS)
+    const float* points;   // (row, 4): x, y, and how much they grow to the next row
+    const float* routes;   // (route, ROUTE_COLUMNS)
+    const float* pairs;    // (route, route, PAIR_COLUMNS)
+    int route_count;
+    float inverse_spacing;
+};
+
+// Owns what MapRows points to.
+class MapTables {
+  public:
+    // Throws std::invalid_argument for a map of more than MAX_ROUTES routes, or with a merge that is no conflict.
+    explicit MapTables(std::shared_ptr<const Map> map);
+
+    const Map& map() const { return *map_; }
+    MapRows rows() const;
+
+  private:
+    std::shared_ptr<const Map> map_;
+    RouteTables route_tables_;
+    std::vector<float> points_, routes_, pairs_;
+};
+
+} // namespace intersection_env

@@ -1,0 +1,110 @@
+// What all scenarios of one prediction share, flat and ready for the kernel; and where its results go.
+#pragma once
+
+#include <cstdint>
+
+#include "intersection_env/map.hpp"
+#include "intersection_env/policy.hpp"
+#include "intersection_env/traffic.hpp"
+#include "model/circles.hpp"
+
+namespace intersection_env {
+
+constexpr int LANES = 16;                        // of the widest kernel
+constexpr int MAX_PAIRS = 1024;                  // ours
+constexpr float LEAD_RANGE = 100.0F;             // [m], paper, Section III-B.2
+constexpr float FREE_LEAD_SPEED = 100.0F / 3.6F; // [m/s], likewise
+constexpr float UNBOUNDED = 1000.0F; // [m/s], stands for an infinite top speed in the kernel's finite arithmetic
+constexpr float FAR = 1.0e6F;        // [m], an arc length that nobody reaches
+constexpr int OBSERVED_COLUMNS = 8, POSE_COLUMNS = 4;
+
+// One vehicle, as all scenarios know it.
+struct ProblemVehicle {
+    int first_row, last_row; // of its route: its first row in the tables, its number of rows less one
+    float position, speed, half_length, max_speed;
+    float stop_line, route_length;
+    int route;
+    bool committed;
+    int first_candidate, last_candidate; // range in Problem::candidates
+};
+
+// Vehicle `other` may lead: ahead on a stretch shared from the start, or beyond a merge.
+struct LeadCandidate {
+    int other;
+    bool after_merge;
+    float split;  // [m], shared entry: both rears must be before it
+    float merge;  // [m], shared exit: the other's front must be beyond it
+    float offset; // [m], the other's position is ours plus this
+    float half_lengths;
+    bool same_stop_lane;
+};
+
+struct ProblemPair {
+    int yielder, prioritized;
+    float yielder_end, prioritized_end;
+    bool merging;
+};
+
+struct Touch {
+    int a, b;
+    Interval on_a, on_b;
+    float radii; // [m], the sum of both
+};
+
+// The vehicles, lead candidates and pairs once more, one to a lane, padded to whole rows of the widest kernel: for one
+// scenario at a time. Padding is never present, leads nobody and conflicts with nobody.
+struct LaneProblem {
+    int vehicles, padded_vehicles, candidates, padded_pairs; // candidates: the most that one vehicle has
+    const float *half_length, *max_speed, *stop_line, *route_length, *last_row, *position, *speed; // (vehicle,)
+    const std::int32_t *first_row, *route, *committed;                                             // masks: 0 or -1
+    // (candidate, vehicle)
+    const std::int32_t *other, *other_stop_lane; // the latter: 0 where the stop lanes are the same, else -1
+    const float *split, *merge, *offset, *other_half_length;
+    // (pair,), first one of each yielder, then a second one, and so on: who is refused early need not be asked again
+    const std::int32_t* pair; // its index in Problem::pairs
+    const std::int32_t *yielder, *prioritized, *yielder_route, *merging;
+    const float *yielder_end, *prioritized_end, *yielder_half_length, *prioritized_half_length;
+    const float *yielder_stop_line, *prioritized_stop_line;
+};
+
+// Pointers and counts only: the kernel must not call inline functions of the standard library.
+struct Problem {
+    const ProblemVehicle* vehicles;
+    const LeadCandidate* candidates;
+    const ProblemPair* pairs;
+    const Touch* touches;
+    int vehicle_count, pair_count, touch_count, route_count;
+    float inverse_spacing;
+    Gap gap;
+    Driver driver;
+    IdmParameters idm;
+    float acceleration_scale;
+    const GapNetwork* gap_network;
+    const DrivingNetwork* driving_network;
+    const float *observed, *pose; // rows of all routes
+    LaneProblem lanes;
+};
+
+// Arrays (scenario, time, vehicle) of one block's scenarios; null where not wanted.
+struct Trajectories {
+    float *position, *speed, *acceleration;
+    std::uint8_t *enters, *present;
+};
+
+struct ScenarioArguments {
+    const std::int8_t* assignments; // (scenario, pair)
+    const std::uint8_t* decisions;  // (scenario, step, vehicle) to replay, or null
+    int scenarios;                  // at most the lanes of the instruction set
+    Trajectories trajectories;
+    float* time_loss;        // (scenario, vehicle)
+    float* minimum_distance; // (scenario,), or null: not wanted
+};
+
+// Where one moment's observations go; all from the first lane.
+struct ObservationArguments {
+    float* driving;        // (vehicle, DRIVING_INPUTS)
+    float* gap;            // (pair, GAP_INPUTS)
+    std::uint8_t* accepts; // (pair,), the gap decision alone
+};
+
+} // namespace intersection_env

@@ -1,0 +1,261 @@
+#include "worlds/recorded.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <stdexcept>
+#include <string>
+
+#include "intersection_env/traffic.hpp"
+#include "model/contact.hpp"
+#include "tables/problem.hpp"
+
+namespace intersection_env {
+namespace {
+
+constexpr float NEVER = 1.0e9F;      // [steps], later than any scene ends
+constexpr long MOST_ROWS = 1L << 24; // beyond it floats do not count
+
+std::size_t at(long index) { return static_cast<std::size_t>(index); }
+
+[[noreturn]] void refuse(const std::string& what) { throw std::invalid_argument("scenes: " + what); }
+
+} // namespace
+
+Recorded::Recorded(const Map& map, RecordedScenes scenes, std::vector<std::int32_t> actors, bool recording)
+    : scenes_(std::move(scenes)), actors_(std::move(actors)) {
+    check(map);
+    for (std::size_t scene = 0; scene + 1 < scenes_.scene_tracks.size(); ++scene) {
+        scene_.resize(at(scenes_.scene_tracks[scene + 1]), static_cast<int>(scene));
+    }
+    add_samples(map);
+    add_accelerations();
+    for (int track = 0; track < scenes_.tracks(); ++track) {
+        add_track(map, track, recording);
+        if (static_cast<long>(companion_rows_.size()) / COMPANION_COLUMNS >= MOST_ROWS) {
+            refuse("too many vehicles beside each other for one replay; take fewer scenes");
+        }
+    }
+    companion_rows_.resize(companion_rows_.size() + COMPANION_COLUMNS); // read, and not used, where there is none
+    mark_held();
+}
+
+int Recorded::end_step(int track) const {
+    return scenes_.start[at(track)] +
+           static_cast<int>(scenes_.track_samples[at(track) + 1] - scenes_.track_samples[at(track)]);
+}
+
+RecordedRows Recorded::rows() const {
+    return {track_rows_.data(),   sample_rows_.data(), companion_rows_.data(),
+            acceleration_.data(), actors_.data(),      static_cast<int>(actors_.size())};
+}
+
+void Recorded::check(const Map& map) const {
+    const RecordedScenes& s = scenes_;
+    const std::size_t tracks = s.route.size(), samples = s.position.size();
+    if (s.start.size() != tracks || s.length.size() != tracks || s.width.size() != tracks ||
+        s.max_speed.size() != tracks || s.track_samples.size() != tracks + 1 || s.speed.size() != samples ||
+        s.observed.size() != samples || s.scene_tracks.empty()) {
+        refuse("arrays of different lengths");
+    }
+    const auto rises = [](const std::vector<std::int64_t>& offsets, std::size_t end) {
+        return offsets.front() == 0 && std::is_sorted(offsets.begin(), offsets.end()) && at(offsets.back()) == end;
+    };
+    if (!rises(s.scene_tracks, tracks) || !rises(s.track_samples, samples)) {
+        refuse("offsets that do not rise from 0 to the number of entries");
+    }
+    if (tracks == 0 || actors_.empty()) {
+        refuse("no vehicle that could act");
+    }
+    if (static_cast<long>(samples) >= MOST_ROWS) {
+        refuse("more than 16 million samples; take fewer scenes");
+    }
+    for (std::size_t track = 0; track < tracks; ++track) {
+        const std::int64_t end = s.start[track] + s.track_samples[track + 1] - s.track_samples[track];
+        if (end >= MOST_ROWS || s.route[track] < 0 || at(s.route[track]) >= map.routes.size() || s.start[track] < 0 ||
+            s.track_samples[track] == s.track_samples[track + 1] ||
+            !(s.length[track] >= LEAST_SIZE && s.length[track] <= MOST_LENGTH) ||
+            !(s.width[track] >= LEAST_SIZE && s.width[track] <= MOST_WIDTH) || !(s.max_speed[track] >= 0.1F)) {
+            refuse("track " + std::to_string(track) + " has no sample, or a route, start or size out of range");
+        }
+    }
+    const auto finite = [](const std::vector<float>& values) {
+        return std::all_of(values.begin(), values.end(), [](float x) { return std::fabs(x) < FAR; });
+    };
+    if (!finite(s.position) || !finite(s.speed)) {
+        refuse("a position or speed out of range");
+    }
+    for (const std::int32_t actor : actors_) {
+        if (actor < 0 || at(actor) >= tracks || end_step(actor) - s.start[at(actor)] < 2) {
+            refuse("track " + std::to_string(actor) + " cannot act: unknown, or of fewer than two samples");
+        }
+    }
+}
+
+void Recorded::add_samples(const Map& map) {
+    for (int track = 0; track < scenes_.tracks(); ++track) {
+        for (long k = scenes_.track_samples[at(track)]; k < scenes_.track_samples[at(track) + 1]; ++k) {
+            const float position = scenes_.position[at(k)], speed = scenes_.speed[at(k)];
+            const int route = scenes_.route[at(track)];
+            const Sample here = map.at(route, position);
+            const Sample braked = straight_on(map, route, position + speed * speed * (0.5F / BRAKING));
+            sample_rows_.insert(sample_rows_.end(),
+                                {position, speed, 0.0F, std::min(here.v_max, scenes_.max_speed[at(track)]), here.x,
+                                 here.y, braked.x, braked.y});
+        }
+    }
+}
+
+// What takes the vehicle from each sample to the next; the last one repeats the one before.
+void Recorded::add_accelerations() {
+    for (int track = 0; track < scenes_.tracks(); ++track) {
+        const long begin = scenes_.track_samples[at(track)], end = scenes_.track_samples[at(track) + 1];
+        for (long k = begin; k < end; ++k) {
+            const long from = std::max(begin, std::min(k, end - 2)), to = std::min(from + 1, end - 1);
+            acceleration_.push_back((scenes_.speed[at(to)] - scenes_.speed[at(from)]) / DT);
+        }
+    }
+}
+
+void Recorded::add_track(const Map& map, int track, bool recording) {
+    const long first = static_cast<long>(companion_rows_.size()) / COMPANION_COLUMNS;
+    const int scene = scene_[at(track)];
+    for (long other = scenes_.scene_tracks[at(scene)]; other < scenes_.scene_tracks[at(scene) + 1]; ++other) {
+        const bool together = first_step(track) < end_step(static_cast<int>(other)) &&
+                              first_step(static_cast<int>(other)) < end_step(track);
+        if (other != track && together) {
+            add_companion(map, track, static_cast<int>(other), recording);
+        }
+    }
+    const long begin = scenes_.track_samples[at(track)], end = scenes_.track_samples[at(track) + 1];
+    const auto seen = std::find(scenes_.observed.begin() + begin, scenes_.observed.begin() + end, 1);
+    const long recorded = std::min(seen - scenes_.observed.begin(), std::max(end - 2, begin)) - begin;
+    track_rows_.insert(
+        track_rows_.end(),
+        {static_cast<float>(scenes_.route[at(track)]), 0.5F * scenes_.length[at(track)],
+         0.5F * scenes_.width[at(track)], std::min(scenes_.max_speed[at(track)], UNBOUNDED), static_cast<float>(begin),
+         static_cast<float>(first_step(track)), static_cast<float>(end_step(track)),
+         static_cast<float>(first_step(track) + recorded), static_cast<float>(first),
+         static_cast<float>(static_cast<long>(companion_rows_.size()) / COMPANION_COLUMNS - first), 0.0F, 0.0F});
+}
+
+void Recorded::add_companion(const Map& map, int own, int other, bool recording) {
+    const int route = scenes_.route[at(own)], other_route = scenes_.route[at(other)];
+    const SharedLane* shared = map.shared_lane(route, other_route);
+    const Conflict* conflict = map.conflict(route, other_route);
+    if (route != other_route && shared == nullptr && conflict == nullptr) {
+        return;
+    }
+    float split = -FAR, merge = FAR, offset = 0.0F, own_end = 0.0F, other_end = 0.0F, kind = 0.0F;
+    if (route == other_route) {
+        split = FAR;
+    } else if (shared != nullptr && shared->split > 0.0F) {
+        split = shared->split;
+    } else if (shared != nullptr) {
+        merge = shared->a == route ? shared->merge_b : shared->merge_a;
+        offset = shared->a == route ? shared->offset : -shared->offset;
+    }
+    const bool yields = conflict != nullptr && conflict->yielder == route;
+    if (conflict != nullptr) {
+        own_end = (yields ? conflict->on_yielder : conflict->on_prioritized).end;
+        other_end = (yields ? conflict->on_prioritized : conflict->on_yielder).end;
+        kind = yields ? (conflict->merging ? 2.0F : 1.0F) : 0.0F;
+    }
+    const bool follows = is_ahead(map, own, other);
+    const bool first = conflict != nullptr && went_first(map, own, other);
+    Fault fault = follows ? Fault::always : Fault::never;
+    if (conflict != nullptr && recording) {
+        fault = first ? Fault::never : Fault::always;
+    } else if (conflict != nullptr && yields) {
+        fault = follows ? Fault::always : Fault::before_own_end;
+    } else if (conflict != nullptr) {
+        fault = follows ? Fault::past_other_end : Fault::never;
+    }
+    if (map.overlap(route, other_route) == nullptr && route != other_route) {
+        fault = Fault::never;
+    }
+    companion_rows_.insert(companion_rows_.end(),
+                           {split, merge, offset, follows ? 1.0F : 0.0F, own_end, other_end, kind, first ? 1.0F : 0.0F,
+                            static_cast<float>(fault), map.routes[at(other_route)].stop_line,
+                            0.5F * scenes_.length[at(other)], 0.5F * scenes_.width[at(other)],
+                            static_cast<float>(scenes_.track_samples[at(other)]), static_cast<float>(first_step(other)),
+                            static_cast<float>(end_step(other)), static_cast<float>(other_route)});
+}
+
+// When the track's centre reaches an arc length, in steps of its scene; NEVER if it does not.
+float Recorded::reaches(int track, float arc_length) const {
+    const long begin = scenes_.track_samples[at(track)], end = scenes_.track_samples[at(track) + 1];
+    for (long k = begin; k < end; ++k) {
+        if (scenes_.position[at(k)] >= arc_length) {
+            const float step = static_cast<float>(first_step(track) + (k - begin));
+            if (k == begin) {
+                return step;
+            }
+            const float before = scenes_.position[at(k - 1)];
+            return step - (scenes_.position[at(k)] - arc_length) / (scenes_.position[at(k)] - before);
+        }
+    }
+    return NEVER;
+}
+
+// Whether the other one was ahead in the lane that the two share.
+bool Recorded::is_ahead(const Map& map, int own, int other) const {
+    const int route = scenes_.route[at(own)], other_route = scenes_.route[at(other)];
+    const SharedLane* shared = map.shared_lane(route, other_route);
+    if (route != other_route && shared == nullptr) {
+        return false;
+    }
+    const int step = std::max(first_step(own), first_step(other));
+    const auto position = [&](int track) {
+        return scenes_.position[at(scenes_.track_samples[at(track)] + step - first_step(track))];
+    };
+    if (route == other_route || shared->split > 0.0F) {
+        return position(other) > position(own);
+    }
+    const float own_merge = shared->a == route ? shared->merge_a : shared->merge_b;
+    const float other_merge = shared->a == route ? shared->merge_b : shared->merge_a;
+    const float own_step = reaches(own, own_merge - 0.5F * scenes_.length[at(own)]);
+    const float other_step = reaches(other, other_merge - 0.5F * scenes_.length[at(other)]);
+    if (own_step != other_step) {
+        return other_step < own_step;
+    }
+    const float offset = shared->a == route ? shared->offset : -shared->offset;
+    return position(other) - offset > position(own); // both were there from the first
+}
+
+// Whether the own one went first: a yielder whose front reached the conflict before the prioritized vehicle's front
+// did, or a prioritized vehicle whose yielder did not.
+bool Recorded::went_first(const Map& map, int own, int other) const {
+    const Conflict& conflict = *map.conflict(scenes_.route[at(own)], scenes_.route[at(other)]);
+    const bool yields = conflict.yielder == scenes_.route[at(own)];
+    const int yielder = yields ? own : other, prioritized = yields ? other : own;
+    const bool yielder_first =
+        reaches(yielder, conflict.on_yielder.begin - 0.5F * scenes_.length[at(yielder)]) <
+        reaches(prioritized, conflict.on_prioritized.begin - 0.5F * scenes_.length[at(prioritized)]);
+    return yields == yielder_first;
+}
+
+// A sample is held while its vehicle, by the recorded order, waits for one that is present.
+void Recorded::mark_held() {
+    for (int track = 0; track < scenes_.tracks(); ++track) {
+        const float* row = &track_rows_[at(track) * TRACK_COLUMNS];
+        for (long c = static_cast<long>(row[8]); c < static_cast<long>(row[8] + row[9]); ++c) {
+            const float* companion = &companion_rows_[at(c * COMPANION_COLUMNS)];
+            if (companion[6] == 0.0F || companion[7] != 0.0F) {
+                continue;
+            }
+            const int begin = std::max(first_step(track), static_cast<int>(companion[13]));
+            const int end = std::min(end_step(track), static_cast<int>(companion[14]));
+            for (int step = begin; step < end; ++step) {
+                const long own = scenes_.track_samples[at(track)] + step - first_step(track);
+                const long other = static_cast<long>(companion[12]) + step - static_cast<int>(companion[13]);
+                const bool active =
+                    scenes_.position[at(own)] - row[1] < companion[4] && scenes_.position[at(other)] < companion[5];
+                if (active) {
+                    sample_rows_[at(own) * SAMPLE_COLUMNS + 2] = 1.0F;
+                }
+            }
+        }
+    }
+}
+
+} // namespace intersection_env

@@ -1,0 +1,36 @@
+"""The command `python -m intersection_env.maps`: compiles map sources."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from intersection_env.files import written_whole
+from intersection_env.maps.compiler import compile_file
+from intersection_env.maps.intersection import MAPS, Intersection
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Compiles one source file, or all that ship, and returns the exit status."""
+    parser = argparse.ArgumentParser(prog="python -m intersection_env.maps", description="Compiles map sources.")
+    parser.add_argument("source", nargs="?", type=Path, help="a map source (.json); default: all that ship")
+    parser.add_argument("out", nargs="?", type=Path, help="the compiled map (.map); default: beside the source")
+    options = parser.parse_args(arguments)
+    try:
+        for source in [options.source] if options.source else sorted(MAPS.glob("*.json")):
+            target = options.out or source.with_suffix(".map")
+            text = compile_file(source)
+            Intersection(text, str(source))  # what the core would refuse is not written
+            with written_whole(target) as temporary:
+                temporary.write_text(text, encoding="utf-8")
+            print(f"{source} -> {target}")
+    except (OSError, ValueError) as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 1
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,129 @@
+"""Gap decision, decision and hold: who enters, and whom a waiting vehicle holds."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from tests.reference.intersection import Booleans, Floats, Integers, Map
+from tests.reference.lead import lead
+from tests.reference.memory import Memory
+from tests.reference.networks import Network, evaluate
+from tests.reference.observe import Observation
+from tests.reference.pairs import conflict_of, is_active
+from tests.reference.traffic import Traffic, braking_distance, distance_to_stop_line, rear, speed_limit
+
+Gap = Literal["critical_gap", "sumo", "network"]
+
+
+@dataclass(frozen=True)
+class Rules:
+    """Whose gap decisions count."""
+
+    gap: Gap = "critical_gap"
+    network: Network | None = None
+
+
+@dataclass(frozen=True)
+class Chooser:
+    """How gaps are accepted, and what was assigned to each pair."""
+
+    pairs: Integers
+    assignments: Integers
+    rules: Rules
+
+
+@dataclass(frozen=True)
+class Says:
+    """What the active pairs say to each vehicle; (vehicle,)."""
+
+    refused: Booleans
+    """By the gap decision or an assignment."""
+    told_to_wait: Booleans
+    """By an assignment."""
+    kept: Booleans
+    """It waits, and lets one pass that yields to it but can no longer stop."""
+
+
+# Gap decision
+
+
+def accepts_gap(
+    intersection: Map, traffic: Traffic, pair: Integers, features: Floats, hold: Integers, gap: Gap, net: Network | None
+) -> bool:
+    """The gap decision of the pair's yielder; features: (4,)."""
+    i, j = int(pair[0]), int(pair[1])
+    conflict = conflict_of(intersection, traffic, i, j)
+    assert conflict is not None
+    if hold[j] > traffic.route[i]:
+        return True
+    to_guarantee, _, to_line, speed = (float(x) for x in features)
+    if gap == "critical_gap":
+        return to_line / max(speed, 1.0) > (4.0 if conflict.merging else 6.0)
+    if gap == "sumo":
+        limit_i, limit_j = speed_limit(intersection, traffic, i), speed_limit(intersection, traffic, j)
+        foe_is_late = to_line / limit_j > to_guarantee / limit_i + 1.0
+        foe_to_end = conflict.end_prioritized - rear(traffic, j)
+        return foe_is_late or foe_to_end / limit_j < distance_to_stop_line(intersection, traffic, i) / limit_i
+    assert net is not None, "gap='network' needs a network"
+    return evaluate(net, features, "leaky_relu") > 0
+
+
+# Decision
+
+
+def is_settled(intersection: Map, traffic: Traffic, memory: Memory, i: int) -> bool:
+    """Whether the vehicle goes, by its memory, and could not stop at its line any more."""
+    cannot_stop = distance_to_stop_line(intersection, traffic, i) < braking_distance(traffic, i)
+    return bool(memory.delta[i]) and cannot_stop
+
+
+def say(intersection: Map, traffic: Traffic, memory: Memory, chooser: Chooser, observation: Observation) -> Says:
+    """What the pairs say before the step."""
+    refused, told_to_wait, kept = (np.zeros(len(traffic.route), dtype=np.bool_) for _ in range(3))
+    rules = chooser.rules
+    for number, pair in enumerate(chooser.pairs):
+        assignment = int(chooser.assignments[number])
+        if not is_active(intersection, traffic, memory.present, pair, assignment):
+            continue
+        if assignment == 0:
+            if is_settled(intersection, traffic, memory, int(pair[0])) and not memory.delta[pair[1]]:
+                kept[pair[1]] = True
+            features = observation.gap[number]
+            if not accepts_gap(intersection, traffic, pair, features, memory.hold, rules.gap, rules.network):
+                refused[pair[0]] = True
+        else:
+            second = pair[1] if assignment == 1 else pair[0]
+            refused[second] = True
+            told_to_wait[second] = True
+    return Says(refused, told_to_wait, kept)
+
+
+def decide(intersection: Map, traffic: Traffic, memory: Memory, says: Says) -> Booleans:
+    """delta (vehicle,): what the pairs say, unless the vehicle is settled. Absent ones keep theirs."""
+    delta = memory.delta.copy()
+    for i in np.flatnonzero(memory.present).tolist():
+        delta[i] = not (says.refused[i] or says.kept[i]) or is_settled(intersection, traffic, memory, i)
+    return delta
+
+
+# Hold
+
+
+def holds(intersection: Map, traffic: Traffic, memory: Memory, delta: Booleans, says: Says) -> Integers:
+    """The new hold (vehicle,), from the new delta and the remembered holds. Absent ones keep theirs."""
+    result = memory.hold.copy()
+    for i in np.flatnonzero(memory.present).tolist():
+        if delta[i] or not says.refused[i]:
+            own = -1
+        elif says.told_to_wait[i]:
+            own = len(intersection.routes)
+        else:
+            own = int(traffic.route[i])
+        queue = -1
+        leader, _, _ = lead(intersection, traffic, memory.present, i)
+        if leader is not None and distance_to_stop_line(intersection, traffic, i) >= 0:
+            lanes = [intersection.routes[traffic.route[k]].stop_lane for k in (i, leader)]
+            queue = int(memory.hold[leader]) if lanes[0] == lanes[1] else -1
+        result[i] = max(own, queue)
+    return result

@@ -1,0 +1,62 @@
+"""Outputs: time loss, and how near to each other two bodies are where they can touch."""
+
+import itertools
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from tests.reference.intersection import Booleans, Floats, Map, Sample, sample
+from tests.reference.traffic import TIME_STEP, Traffic, front, rear, speed_limit
+
+
+def time_loss(intersection: Map, states: Sequence[Traffic], presences: Sequence[Booleans]) -> Floats:
+    """(vehicle,) [s], over the states at which steps begin."""
+    loss = np.zeros(len(states[0].route))
+    for state, present in zip(states, presences, strict=True):
+        for i in np.flatnonzero(present).tolist():
+            loss[i] += TIME_STEP * (1 - state.speed[i] / speed_limit(intersection, state, i))
+    return loss
+
+
+def can_touch(intersection: Map, traffic: Traffic, i: int, j: int) -> bool:
+    """Whether both are on one route, or both bodies meet an interval in which their routes overlap."""
+    if traffic.route[i] == traffic.route[j]:
+        return True
+    for overlap in intersection.overlaps:
+        for a, b in ((i, j), (j, i)):
+            if (traffic.route[a], traffic.route[b]) == (overlap.a, overlap.b):
+                meets_a = rear(traffic, a) <= overlap.end_a and front(traffic, a) >= overlap.begin_a
+                meets_b = rear(traffic, b) <= overlap.end_b and front(traffic, b) >= overlap.begin_b
+                if meets_a and meets_b:
+                    return True
+    return False
+
+
+def body_distance(intersection: Map, traffic: Traffic, i: int, j: int) -> float:
+    """The smallest distance [m] between the borders of two bodies, each two circles of radius W/2 at ±L/4.
+
+    Beyond its last sample a route goes straight on.
+    """
+    centres = []
+    for k in (i, j):
+        route, position = int(traffic.route[k]), float(traffic.position[k])
+        here = sample(intersection, route, position)
+        forward = np.array([math.cos(here[Sample.HEADING]), math.sin(here[Sample.HEADING])])
+        beyond = max(0.0, position - intersection.spacing * (len(intersection.routes[route].samples) - 1))
+        centre = here[[Sample.X, Sample.Y]] + beyond * forward
+        centres.append([centre + side * traffic.length[k] / 4 * forward for side in (-1, 1)])
+    apart = min(float(np.hypot(*(p - q))) for p in centres[0] for q in centres[1])
+    return apart - float(traffic.width[i] + traffic.width[j]) / 2
+
+
+def minimum_distance(intersection: Map, traffic: Traffic, present: Booleans) -> float:
+    """Over all pairs of present vehicles that can touch; infinite without any."""
+    return min(
+        (
+            body_distance(intersection, traffic, i, j)
+            for i, j in itertools.combinations(np.flatnonzero(present).tolist(), 2)
+            if can_touch(intersection, traffic, i, j)
+        ),
+        default=math.inf,
+    )
