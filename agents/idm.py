@@ -8,7 +8,6 @@ from __future__ import annotations
 import argparse
 import dataclasses
 import sys
-import time
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -18,6 +17,7 @@ from numpy.typing import NDArray
 from scipy.optimize import differential_evolution
 from tqdm import tqdm
 
+from agents.training.command import Command
 from agents.training.folder import file_hash
 from intersection_env.evaluation.errors import distance_error
 from intersection_env.evaluation.moments import Moment, followed, moments_of
@@ -26,6 +26,7 @@ from intersection_env.policies.named import gap_decider
 from intersection_env.prediction.predictor import Predictor
 from intersection_env.scenes.scenes import Scenes
 
+COMMAND = "python -m agents.idm"
 BOUNDS = {
     "standing_gap": (0.5, 5.0),
     "time_gap": (0.3, 3.0),
@@ -70,15 +71,14 @@ def calibrate(moments: Sequence[Moment], gap: PolicyFile, rounds: int, progress:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Calibrates on the training scenes and writes the policy file; returns the exit status."""
-    parser = argparse.ArgumentParser(prog="python -m agents.idm", description="Calibrates the IDM.")
+    parser = argparse.ArgumentParser(prog=COMMAND, description="Calibrates the IDM.")
     parser.add_argument("--scenes", type=Path, default=Path("out/scenes.npz"), help="the scenes file")
     parser.add_argument("--gap", default="gap", help="who decides about gaps: a policy, critical_gap or sumo")
     parser.add_argument("--every", type=float, default=4.0, help="seconds between the moments predicted from")
     parser.add_argument("--rounds", type=int, default=ROUNDS, help="of the search")
     parser.add_argument("--out", type=Path, default=Path("out/idm_calibrated.policy"), help="the policy file to write")
     options = parser.parse_args(arguments)
-    begin = time.perf_counter()
-    try:
+    with Command(options.out) as command:
         scenes, gap = Scenes.load(options.scenes), gap_decider(options.gap)
         moments, held_out = (
             followed(moments_of(scenes.select(split), options.every)[0]) for split in ("train", "development")
@@ -95,19 +95,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
             }
             for name, one in (("calibrated", policy), ("paper", dataclasses.replace(policy, idm=IdmParameters())))
         }
+        print(f"{parameters}\nroot of the mean squared error over 2 to 10 s [m]: {figures}")
         about = {
-            "made_by": "python -m agents.idm",
+            "made_by": COMMAND,
             "settings": {"every": options.every, "rounds": options.rounds, "gap": options.gap},
             "data": {"map": scenes.intersection.name, "sha256": file_hash(options.scenes)},
             "distance_error": figures,
         }
-        dataclasses.replace(policy, about=about).save(options.out)
-    except (OSError, ValueError) as error:
-        print(f"error: {error}", file=sys.stderr)
-        return 1
-    print(f"{parameters}\nroot of the mean squared error over 2 to 10 s [m]: {figures}")
-    print(f"written: {options.out}, in {time.perf_counter() - begin:.0f} s")
-    return 0
+        dataclasses.replace(policy, about=about).save(command.output)
+    return command.status
 
 
 if __name__ == "__main__":

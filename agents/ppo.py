@@ -7,9 +7,7 @@ python -m agents.ppo paper --run runs/ppo_paper
 from __future__ import annotations
 
 import dataclasses
-import json
 import sys
-import time
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -18,22 +16,22 @@ from typing import Any
 import torch
 import tyro
 from tensordict import TensorDict
-from tqdm import tqdm
 
 from agents.networks.driving import Driver, DrivingNetwork
 from agents.networks.export import driving_policy, gap_hash
 from agents.rollouts.envs import ClosedLoopEnv
 from agents.rollouts.policy_update import PolicyUpdate, UpdateSettings
-from agents.rollouts.validation_run import validation_run
-from agents.training.folder import RunFolder
-from agents.training.interrupt import Interrupted, ctrl_c
-from agents.training.seeds import rollout_collector, train_seeds
+from agents.rollouts.validation_run import ValidationRun, validation_run
+from agents.rollouts.workers import rollout_collector
+from agents.training.command import Command
+from agents.training.folder import RunFolder, decisive
+from agents.training.loop import Epochs, geometric, linear
+from agents.training.seeds import train_seeds
 from intersection_env.constants import DT
 from intersection_env.features import Driving
 from intersection_env.policies.named import gap_decider
 
-NOT_DECISIVE = ("run", "resume", "threads", "workers", "seeds", "tensorboard")
-PROJECTED_FROM = 5  # epochs
+COMMAND = "python -m agents.ppo"
 VALIDATION_SEED = 2**40  # of no training
 WATCHED_WORLDS, WATCHED_STEPS = 16, 1000  # at each checkpoint
 
@@ -81,11 +79,6 @@ class PpoSettings:
     checkpoint_every: int = 50
     """Epochs."""
 
-    def decisive(self) -> dict[str, Any]:
-        """The settings that decide the result, as JSON holds them."""
-        kept: dict[str, Any] = json.loads(json.dumps(dataclasses.asdict(self), default=str))
-        return {key: value for key, value in kept.items() if key not in NOT_DECISIVE}
-
 
 PROFILES = {
     "fast": ("in minutes on two cores", PpoSettings()),
@@ -120,74 +113,38 @@ def train_driver(settings: PpoSettings, folder: RunFolder | None = None, progres
     generator = torch.Generator().manual_seed(settings.seed)
     driver = Driver(DrivingNetwork(), DrivingNetwork(), settings.sigma)
     update = PolicyUpdate(driver, settings.update)
-    sharing = rollout_collector(
-        partial(environments, settings),
-        driver,
-        worlds=settings.worlds,
-        steps=settings.steps,
-        epochs=settings.epochs,
-        seed=settings.seed,
-        threads=settings.threads,
-        workers=settings.workers,
-    )
-    with sharing as collector, ctrl_c() as interrupted:
-        state = folder.load() if folder else None
-        if state is not None:
-            driver.load_state_dict(state["driver"])
-            update.optimizer.load_state_dict(state["optimizer"])
-            collector.load_state_dict(state["collector"])
-            generator.set_state(state["generator"])
-        first = 0 if state is None else int(state["epoch"])
-        bar = tqdm(total=settings.epochs, initial=first, desc="PPO", disable=None if progress else True, unit="epoch")
-        begin = time.perf_counter()
-        for epoch, rollout in enumerate(collector, first + 1):
-            done = (epoch - 1) / max(settings.epochs - 1, 1)
-            row: dict[str, Any] = {"epoch": epoch, **_seen(rollout)}
+    with (
+        rollout_collector(
+            partial(environments, settings),
+            driver,
+            worlds=settings.worlds,
+            steps=settings.steps,
+            epochs=settings.epochs,
+            seed=settings.seed,
+            threads=settings.threads,
+            workers=settings.workers,
+        ) as collector,
+        Epochs("PPO", settings.epochs, folder, settings.checkpoint_every, progress) as epochs,
+    ):
+        epochs.resume(driver=driver, optimizer=update.optimizer, collector=collector, generator=generator)
+        for _, rollout in zip(epochs, collector, strict=True):
+            row: dict[str, Any] = _seen(rollout)
             reward = rollout["next", "reward"]
             reward.clamp_(min=settings.least_reward).mul_(settings.reward_scale)
-            rate = settings.learning_rate + done * (settings.last_learning_rate - settings.learning_rate)
-            row |= update(update.advantages(rollout), rate, generator)
-            driver.sigma.fill_(settings.sigma * (settings.last_sigma / settings.sigma) ** done)
+            samples = update.advantages(rollout)
+            rate = linear(settings.learning_rate, settings.last_learning_rate, epochs.share)
+            row |= update(samples, rate, generator)
+            driver.sigma.fill_(geometric(settings.sigma, settings.last_sigma, epochs.share))
             collector.update_policy_weights_()
-            bar.update()
-            if progress and epoch == first + PROJECTED_FROM:
-                hours = (settings.epochs - first) * (time.perf_counter() - begin) / PROJECTED_FROM / 3600.0
-                bar.write(f"{settings.epochs - first} epochs at this rate: {hours:.2f} h")
-            is_due = epoch == settings.epochs or epoch % settings.checkpoint_every == 0
-            stop = interrupted()
-            if is_due:
-                runs = [
-                    validation_run(
-                        driver.policy,
-                        map=settings.map,
-                        gap=gap,
-                        seed=VALIDATION_SEED,
-                        vehicles=settings.vehicles,
-                        worlds=WATCHED_WORLDS,
-                        steps=WATCHED_STEPS,
-                    )
-                    for gap in settings.gaps
-                ]
-                row |= {"validation": dict(zip(settings.gaps, map(dataclasses.asdict, runs), strict=True))}
-                bar.set_postfix(
-                    reward=" ".join(f"{run.reward:.2f}" for run in runs),
-                    collisions=" ".join(f"{run.collisions:.1e}" for run in runs),
-                    speed=" ".join(f"{run.speed:.1f}" for run in runs),
+            if epochs.is_due:
+                runs = _watched(driver.policy, settings)
+                row["validation"] = {gap: dataclasses.asdict(run) for gap, run in runs.items()}
+                epochs.show(
+                    reward=" ".join(f"{run.reward:.2f}" for run in runs.values()),
+                    collisions=" ".join(f"{run.collisions:.1e}" for run in runs.values()),
+                    speed=" ".join(f"{run.speed:.1f}" for run in runs.values()),
                 )
-            if folder:
-                folder.append(row)
-                if is_due or stop:
-                    folder.save(
-                        {
-                            "epoch": epoch,
-                            "driver": driver.state_dict(),
-                            "optimizer": update.optimizer.state_dict(),
-                            "collector": collector.state_dict(),
-                            "generator": generator.get_state(),
-                        }
-                    )
-            if stop and epoch < settings.epochs:
-                raise Interrupted
+            epochs.end(row)
     return driver
 
 
@@ -222,37 +179,40 @@ def _seen(rollout: TensorDict) -> dict[str, float]:
     }
 
 
+def _watched(policy: DrivingNetwork, settings: PpoSettings) -> dict[str, ValidationRun]:
+    """Short runs by the mean action, one with each of who decides about gaps."""
+    return {
+        gap: validation_run(
+            policy,
+            map=settings.map,
+            gap=gap,
+            seed=VALIDATION_SEED,
+            vehicles=settings.vehicles,
+            worlds=WATCHED_WORLDS,
+            steps=WATCHED_STEPS,
+        )
+        for gap in settings.gaps
+    }
+
+
 def main(settings: PpoSettings) -> int:
     """Trains as told and writes the policy file `ppo.policy` into the run folder; returns the exit status."""
     if settings.seeds:
         return train_seeds(main, settings)
-    torch.set_num_threads(1)  # such small networks gain nothing from more
-    begin = time.perf_counter()
-    try:
+    with Command(settings.run / "ppo.policy") as command:
         deciders = [gap_decider(gap) for gap in settings.gaps]
         hashes = " ".join(gap_hash(decider) for decider in deciders)
-        folder = RunFolder.begin(settings.run, settings.decisive(), hashes, settings.resume, settings.tensorboard)
+        folder = RunFolder.begin(settings.run, decisive(settings), hashes, settings.resume, settings.tensorboard)
         driver = train_driver(settings, folder)
-        about: dict[str, Any] = {
-            "made_by": "python -m agents.ppo",
-            "settings": settings.decisive(),
-            "map": settings.map,
-        }
+        about: dict[str, Any] = {"made_by": COMMAND, "settings": decisive(settings), "map": settings.map}
         about["validation_run"] = {}
         for gap in dict.fromkeys((*settings.gaps, "critical_gap")):
             run = validation_run(driver.policy, map=settings.map, gap=gap, seed=VALIDATION_SEED)
             about["validation_run"][gap] = {key: round(value, 6) for key, value in dataclasses.asdict(run).items()}
             print(f"2000 s with 12 vehicles, gaps by {gap}: {about['validation_run'][gap]}")
-        driving_policy(deciders[0], driver.policy, about).save(settings.run / "ppo.policy")
-    except Interrupted:
-        print(f"interrupted; --resume goes on from {settings.run}", file=sys.stderr)
-        return 130
-    except (OSError, ValueError) as error:
-        print(f"error: {error}", file=sys.stderr)
-        return 1
-    print(f"written: {settings.run / 'ppo.policy'}, in {time.perf_counter() - begin:.0f} s")
-    return 0
+        driving_policy(deciders[0], driver.policy, about).save(command.output)
+    return command.status
 
 
 if __name__ == "__main__":
-    sys.exit(main(tyro.extras.overridable_config_cli(PROFILES)))
+    sys.exit(main(tyro.extras.overridable_config_cli(PROFILES, prog=COMMAND)))

@@ -9,7 +9,6 @@ from __future__ import annotations
 import dataclasses
 import hashlib
 import sys
-import time
 from copy import deepcopy
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -18,19 +17,20 @@ from typing import Any
 import torch
 import tyro
 from tensordict import TensorDict
-from tqdm import tqdm
 
 from agents.networks.driving import Driver, DrivingNetwork
 from agents.networks.export import driving_policy, gap_hash
 from agents.rollouts.envs import ReplayEnv
 from agents.rollouts.policy_update import PolicyUpdate, UpdateSettings
-from agents.training.folder import CHECKPOINT, RunFolder, file_hash, state_hash
-from agents.training.interrupt import Interrupted, ctrl_c
-from agents.training.seeds import rollout_collector, train_seeds
+from agents.rollouts.workers import rollout_collector
+from agents.training.command import Command
+from agents.training.folder import CHECKPOINT, RunFolder, decisive, file_hash, state_hash
+from agents.training.loop import Epochs, geometric, linear
+from agents.training.seeds import train_seeds
 from imitation.discriminator import Discriminator, DiscriminatorLoss, DiscriminatorSettings
 from imitation.expert import expert_steps
-from imitation.replay_error import HORIZON, replay_error
-from intersection_env.constants import DT
+from imitation.replay_error import replay_error
+from intersection_env.constants import DT, STEPS
 from intersection_env.evaluation.errors import distance_error
 from intersection_env.evaluation.moments import followed, moments_of
 from intersection_env.policies.named import gap_decider
@@ -40,8 +40,8 @@ from intersection_env.scenes.scenes import Scenes
 from intersection_env.worlds.recorded_tracks import steps_to_act
 from intersection_env.worlds.replay import ReplayWorlds
 
+COMMAND = "python -m imitation.gail"
 BETWEEN_MOMENTS = 4.0  # [s], of those that are predicted
-NOT_DECISIVE = ("scenes", "ppo", "run", "resume", "threads", "workers", "seeds", "tensorboard")
 
 
 @dataclass(frozen=True)
@@ -88,11 +88,6 @@ class GailSettings:
     """Write the figures for TensorBoard too, into the run folder."""
     checkpoint_every: int = 50
     """Epochs."""
-
-    def decisive(self) -> dict[str, Any]:
-        """The settings that decide the result, as JSON holds them."""
-        kept = dataclasses.asdict(self)
-        return {key: value for key, value in kept.items() if key not in NOT_DECISIVE}
 
 
 PROFILES = {
@@ -149,32 +144,31 @@ def train_driver(
     def make(**shares: int) -> list[ReplayEnv]:
         return [ReplayEnv(scenes, split="train", gap=settings.gap, desynchronise=True, **shares)]
 
-    sharing = rollout_collector(
-        make,
-        driver,
-        worlds=settings.worlds,
-        steps=settings.steps,
-        epochs=settings.epochs,
-        seed=settings.seed,
-        threads=settings.threads,
-        workers=settings.workers,
-    )
-    with sharing as collector, ctrl_c() as interrupted:
-        state = folder.load() if folder else None
-        if state is not None:
-            driver.load_state_dict(state["driver"])
-            update.optimizer.load_state_dict(state["optimizer"])
-            discriminator.load_state_dict(state["discriminator"])
-            optimizer.load_state_dict(state["discriminator_optimizer"])
-            collector.load_state_dict(state["collector"])
-            generator.set_state(state["generator"])
-            best = state["best"]
-        first = 0 if state is None else int(state["epoch"])
-        bar = tqdm(total=settings.epochs, initial=first, desc="GAIL", disable=None if progress else True, unit="epoch")
-        for epoch, rollout in enumerate(collector, first + 1):
-            done = (epoch - 1) / max(settings.epochs - 1, 1)
+    with (
+        rollout_collector(
+            make,
+            driver,
+            worlds=settings.worlds,
+            steps=settings.steps,
+            epochs=settings.epochs,
+            seed=settings.seed,
+            threads=settings.threads,
+            workers=settings.workers,
+        ) as collector,
+        Epochs("GAIL", settings.epochs, folder, settings.checkpoint_every, progress) as epochs,
+    ):
+        epochs.resume(
+            driver=driver,
+            optimizer=update.optimizer,
+            discriminator=discriminator,
+            discriminator_optimizer=optimizer,
+            collector=collector,
+            generator=generator,
+            best=best,
+        )
+        for epoch, rollout in zip(epochs, collector, strict=True):
+            row: dict[str, Any] = {}
             seen = rollout["observation"].reshape(-1, expert.shape[1])
-            row: dict[str, Any] = {"epoch": epoch}
             for _ in range(settings.discriminator.updates):
                 shown = expert[torch.randint(len(expert), (len(seen),), generator=generator)]
                 terms = loss(TensorDict({"expert": shown, "policy": seen}))
@@ -187,40 +181,19 @@ def train_driver(
             reward = discriminator.reward(rollout["observation"]).unsqueeze(-1)
             row["reward"] = float(reward.mean())
             rollout["next", "reward"].copy_(settings.reward_scale * reward)
-            rate = settings.learning_rate + done * (settings.last_learning_rate - settings.learning_rate)
-            value_only = epoch <= settings.value_epochs
-            row |= update(update.advantages(rollout), rate, generator, value_only)
-            driver.sigma.fill_(settings.sigma * (settings.last_sigma / settings.sigma) ** done)
+            samples = update.advantages(rollout)
+            rate = linear(settings.learning_rate, settings.last_learning_rate, epochs.share)
+            row |= update(samples, rate, generator, value_only=epoch <= settings.value_epochs)
+            driver.sigma.fill_(geometric(settings.sigma, settings.last_sigma, epochs.share))
             collector.update_policy_weights_()
-            bar.update()
-            is_due = epoch == settings.epochs or epoch % settings.checkpoint_every == 0
-            stop = interrupted()
-            if is_due:
+            if epochs.is_due:
                 error = replay_error(driver.policy, scenes, "development")
                 predictor = Predictor(driving_policy(decider, driver.policy, {}), "gail")
                 row |= {"development": dataclasses.asdict(error), "predicted": distance_error(predictor, watched)}
                 if row["predicted"] < best["error"]:
-                    best = {"error": row["predicted"], "epoch": epoch, "policy": deepcopy(driver.policy.state_dict())}
-                bar.set_postfix(
-                    accuracy=f"{row['accuracy']:.2f}", alone=f"{error.rmse:.1f}", best=f"{best['error']:.2f}"
-                )
-            if folder:
-                folder.append(row)
-                if is_due or stop:
-                    folder.save(
-                        {
-                            "epoch": epoch,
-                            "driver": driver.state_dict(),
-                            "optimizer": update.optimizer.state_dict(),
-                            "discriminator": discriminator.state_dict(),
-                            "discriminator_optimizer": optimizer.state_dict(),
-                            "collector": collector.state_dict(),
-                            "generator": generator.get_state(),
-                            "best": best,
-                        }
-                    )
-            if stop and epoch < settings.epochs:
-                raise Interrupted
+                    best |= {"error": row["predicted"], "epoch": epoch, "policy": deepcopy(driver.policy.state_dict())}
+                epochs.show(accuracy=f"{row['accuracy']:.2f}", alone=f"{error.rmse:.1f}", best=f"{best['error']:.2f}")
+            epochs.end(row)
     driver.policy.load_state_dict(best["policy"])
     return driver
 
@@ -233,14 +206,14 @@ def usable_scenes(path: Path) -> Scenes:
         OSError: it cannot be read.
     """
     scenes = Scenes.load(path)
-    for split, steps in zip(SPLITS, (1, HORIZON + 1), strict=False):
+    for split, steps in zip(SPLITS, (1, STEPS + 1), strict=False):
         try:
             recorded = ReplayWorlds(scenes, split=split).tracks
         except ValueError as error:
             raise ValueError(f'{path}, split "{split}": {error}') from None
         tracks = [track for scene in recorded.scenes for track in scene.tracks]
         if max(steps_to_act(tracks[index]) for index in recorded.actors) < steps:
-            raise ValueError(f'{path}, split "{split}": nobody is recorded for more than {HORIZON * DT:.0f} s')
+            raise ValueError(f'{path}, split "{split}": nobody is recorded for more than {STEPS * DT:.0f} s')
     return scenes
 
 
@@ -278,31 +251,22 @@ def main(settings: GailSettings) -> int:
     """Trains as told and writes the policy file `gail.policy` into the run folder; returns the exit status."""
     if settings.seeds:
         return train_seeds(main, settings)
-    torch.set_num_threads(1)  # such small networks gain nothing from more
-    begin = time.perf_counter()
-    try:
+    with Command(settings.run / "gail.policy") as command:
         decider = gap_decider(settings.decider)
         scenes = usable_scenes(settings.scenes)
         start = None if settings.ppo is None else start_of(settings.ppo)
         hashes = _hashes(settings, start)
         data = hashlib.sha256(" ".join(hashes.values()).encode()).hexdigest()
-        folder = RunFolder.begin(settings.run, settings.decisive(), data, settings.resume, settings.tensorboard)
+        folder = RunFolder.begin(settings.run, decisive(settings), data, settings.resume, settings.tensorboard)
         driver = train_driver(scenes, start, settings, folder)
         figures = dataclasses.asdict(replay_error(driver.policy, scenes, "development"))
-        about: dict[str, Any] = {"made_by": "python -m imitation.gail", "settings": settings.decisive()}
+        about: dict[str, Any] = {"made_by": COMMAND, "settings": decisive(settings)}
         about |= {"map": scenes.intersection.name, "sha256": hashes}
         about["development"] = {key: round(value, 6) for key, value in figures.items()}
         print(f"alone among the recorded vehicles of development, 10 s: {about['development']}")
-        driving_policy(decider, driver.policy, about).save(settings.run / "gail.policy")
-    except Interrupted:
-        print(f"interrupted; --resume goes on from {settings.run}", file=sys.stderr)
-        return 130
-    except (OSError, ValueError) as error:
-        print(f"error: {error}", file=sys.stderr)
-        return 1
-    print(f"written: {settings.run / 'gail.policy'}, in {time.perf_counter() - begin:.0f} s")
-    return 0
+        driving_policy(decider, driver.policy, about).save(command.output)
+    return command.status
 
 
 if __name__ == "__main__":
-    sys.exit(main(tyro.extras.overridable_config_cli(PROFILES)))
+    sys.exit(main(tyro.extras.overridable_config_cli(PROFILES, prog=COMMAND)))

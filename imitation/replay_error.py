@@ -7,16 +7,16 @@ from pathlib import Path
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
 
 from agents.networks.driving import DrivingNetwork
-from imitation.expert import WORLDS, each_track
+from imitation.tracks import each_track, replays
+from intersection_env import _core
+from intersection_env.constants import STEPS
 from intersection_env.features import Driving
 from intersection_env.scenes.scenes import Scenes
-from intersection_env.worlds.replay import ReplayWorlds
 
-HORIZON = 50  # steps, 10 s
 TO_LINE = Driving.DISTANCE_TO_STOP_LINE
-HARD_BRAKING = 4.0  # [m/s²]; paper, that of s_brake
 
 
 @dataclass(frozen=True)
@@ -41,24 +41,23 @@ def replay_error(policy: DrivingNetwork, scenes: str | Path | Scenes, split: str
     Raises:
         ValueError, OSError: as of `ReplayWorlds`.
     """
-    worlds = ReplayWorlds(scenes, split=split, worlds=WORLDS, autoreset="off")
-    worlds.reset(seed=0)
-    errors: list[np.ndarray] = []
+    worlds = replays(scenes, split)
+    errors: list[NDArray[np.float32]] = []
     collided = crossed = held = 0
-    for acts in each_track(worlds):
-        waits = np.zeros(WORLDS, np.bool_)
-        for _ in range(HORIZON):
+    for drives in each_track(worlds):
+        waits = np.zeros(len(drives), np.bool_)
+        for _ in range(STEPS):
             distance, speed, delta = worlds.observation[:, [TO_LINE, Driving.SPEED, Driving.ENTERS]].T
-            waits = (delta == 0.0) & (distance >= 0.0) & (waits | (distance >= speed**2 / (2.0 * HARD_BRAKING)))
+            waits = (delta == 0.0) & (distance >= 0.0) & (waits | (distance >= speed**2 / (2.0 * _core.BRAKING)))
             with torch.no_grad():
                 worlds.action[:] = torch.tanh(policy(torch.from_numpy(worlds.observation))).numpy()
             worlds.step()
-            collided += int((acts & worlds.terminated).sum())
-            held += int((acts & waits).sum())
-            crossed += int((acts & waits & (worlds.observation[:, TO_LINE] < 0.0)).sum())
-            acts &= ~(worlds.terminated | worlds.truncated)
-        error = worlds.expert_observation[:, TO_LINE] - worlds.observation[:, TO_LINE]
-        errors.append(error[acts])
+            collided += int((drives & worlds.terminated).sum())
+            held += int((drives & waits).sum())
+            crossed += int((drives & waits & (worlds.observation[:, TO_LINE] < 0.0)).sum())
+            drives &= ~(worlds.terminated | worlds.truncated)
+        ahead = worlds.expert_observation[:, TO_LINE] - worlds.observation[:, TO_LINE]
+        errors.append(ahead[drives])
     error = np.concatenate(errors)
     return ReplayError(
         rmse=float(np.sqrt(np.mean(error**2))),

@@ -1,7 +1,8 @@
-"""The predictor once more as plain torch operations, vectorised over scenarios, vehicles and pairs: a peer to time.
+"""The predictor once more as plain torch operations, vectorised over scenarios, vehicles and pairs.
 
-It does what `docs/model.md` says under "The model", with both networks; `tests/test_predictor_bench.py` holds it to
-the core.
+It does what `docs/model.md` says under "The model", with both networks: the one copy of the core in which torch sees
+every operation, for gradients, for models with one thing changed, and as a peer to time.
+`tests/imitation/test_torch_model.py` holds it to the core.
 """
 
 from __future__ import annotations
@@ -14,11 +15,10 @@ import torch
 from torch import Tensor
 
 from intersection_env import Traffic, _core
-from intersection_env.constants import DT, FREE_SPEED, LEAD_RANGE
+from intersection_env.constants import DT, FREE_SPEED, LEAD_RANGE, STEPS
 from intersection_env.maps.intersection import Sample
 from intersection_env.policies.file import NetworkWeights, PolicyFile
 
-BRAKING = 4.0  # [m/s²]
 LEAST_LEAD_GAP, ROUNDED_STOP, OVERSHOOT = 0.5, 0.02, 0.05  # [m], of what limits a network
 
 
@@ -67,7 +67,8 @@ class TorchPredictor:
         self.last = torch.tensor(rows) - 1
         grids = [np.arange(count, dtype=np.float32) * np.float32(map_.spacing) for count in rows]
         samples = [map_.sample(int(route), grid) for route, grid in zip(self.route, grids, strict=True)]
-        self.table = torch.from_numpy(np.concatenate(samples)[:, Sample.V_MAX :].copy())  # v_max and relative headings
+        columns = [Sample.V_MAX, *range(Sample.HEADINGS, samples[0].shape[1])]
+        self.road = torch.from_numpy(np.ascontiguousarray(np.concatenate(samples)[:, columns]))
 
     def _set_leads(self, map_: _core.Map) -> None:
         """How each vehicle (row) may follow each other (column)."""
@@ -113,20 +114,21 @@ class TorchPredictor:
         position, speed = self.position.expand(shape), self.speed.expand(shape)
         delta, hold = self.delta.expand(shape), torch.full(shape, -1)
         present, lost, asked = (self.position < self.length).expand(shape), torch.zeros(shape), torch.zeros(())
-        for _ in range(_core.STEPS):
+        for _ in range(STEPS):
             front, rear = position + self.half, position - self.half
             to_line = self.stop_line - front
-            road = self._road(position)
-            v_max = torch.minimum(road[..., 0], self.max_speed)
+            limit, headings = self._road(position)
+            v_max = torch.minimum(limit, self.max_speed)
             lead, to_lead, lead_speed = self._leads(position, front, rear, speed, present)
             # who is told to wait, and who waits
             active = self._active(assignment, position, rear, present)
             open_ = active & (assignment == 0) & (hold[:, self.j] <= self.route[self.i])
+            # in the order of `Gap`
             seen = (self.end_i - rear[:, self.i], speed[:, self.i], to_line[:, self.j], speed[:, self.j])
             refused = open_ & (self.gap(torch.stack(seen, -1)) <= 0.0)
             told = (active & (assignment < 0)).float() @ self.to_i + (active & (assignment > 0)).float() @ self.to_j > 0
             waits = told | (refused.float() @ self.to_i > 0)
-            braking = speed.square() / (2.0 * BRAKING)
+            braking = speed.square() / (2.0 * _core.BRAKING)
             settled = delta & (to_line < braking)
             kept = active & (assignment == 0) & settled[:, self.i] & ~delta[:, self.j]
             delta = ~(waits | (kept.float() @ self.to_j > 0)) | settled
@@ -134,11 +136,11 @@ class TorchPredictor:
             queues = (to_lead < LEAD_RANGE) & self.same_lane[torch.arange(shape[1]), lead] & (to_line >= 0.0)
             hold = torch.maximum(own, torch.where(queues, hold.gather(1, lead), -1))
             asked = asked + open_.sum()
-            # drive and advance
+            # drive and advance; the features in the order of `Driving`
             features = torch.cat(
                 (
                     torch.stack((to_line, speed, v_max), -1),
-                    road[..., 1:],
+                    headings,
                     torch.stack((to_lead, lead_speed, delta.float()), -1),
                 ),
                 -1,
@@ -162,7 +164,7 @@ class TorchPredictor:
         lead_way = 0.5 * DT * (lead_speed + lead_next) + lead_next.square() / (2.0 * hardest)
         following = (speed + DT * acceleration).clamp(min=0.0)
         slower = acceleration
-        bounds = ((to_lead + lead_way - LEAST_LEAD_GAP, hardest), (to_line - ROUNDED_STOP, BRAKING))
+        bounds = ((to_lead + lead_way - LEAST_LEAD_GAP, hardest), (to_line - ROUNDED_STOP, _core.BRAKING))
         for (distance, b), free in zip(bounds, (torch.zeros_like(may_run), may_run), strict=True):
             rest = distance - 0.5 * DT * speed
             breaks = following * (0.5 * DT + following / (2.0 * b)) > rest
@@ -170,12 +172,13 @@ class TorchPredictor:
             slower = torch.where(breaks & ~free, slower.minimum((stops - speed) / DT), slower)
         return torch.where(slower < acceleration, slower.clamp(min=-hardest), acceleration)
 
-    def _road(self, position: Tensor) -> Tensor:
-        """(scenario, vehicle, 7): v_max and the relative headings."""
+    def _road(self, position: Tensor) -> tuple[Tensor, Tensor]:
+        """Each vehicle's v_max (scenario, vehicle) [m/s], bicycles' own aside, and relative headings (..., 6)."""
         at = (position * self.inverse_spacing).clamp(min=0.0).minimum(self.last.float())
         row = at.long().minimum(self.last - 1)
-        below = self.table[self.first + row]
-        return below + (at - row).unsqueeze(-1) * (self.table[self.first + row + 1] - below)
+        below = self.road[self.first + row]
+        between = below + (at - row).unsqueeze(-1) * (self.road[self.first + row + 1] - below)
+        return between[..., 0], between[..., 1:]
 
     def _leads(
         self, position: Tensor, front: Tensor, rear: Tensor, speed: Tensor, present: Tensor

@@ -9,7 +9,8 @@ from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).parent.parent
+from tests.support.paths import ROOT
+
 FLOORS = ("intersection_env", "data", "agents", "imitation", "experiments")
 """From the ground up: each may import itself and what stands before it."""
 

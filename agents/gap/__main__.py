@@ -4,7 +4,7 @@ import sys
 
 import tyro
 
-from agents.gap.train import PROFILES, main
+from agents.gap.train import COMMAND, PROFILES, main
 
 if __name__ == "__main__":
-    sys.exit(main(tyro.extras.overridable_config_cli(PROFILES)))
+    sys.exit(main(tyro.extras.overridable_config_cli(PROFILES, prog=COMMAND)))

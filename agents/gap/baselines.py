@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from sklearn.ensemble import HistGradientBoostingClassifier
 from sklearn.linear_model import LogisticRegression
 
-from agents.gap.samples import UNKNOWN, GapSamples
+from agents.gap.samples import UNKNOWN, GapSamples, Kinematics
 from agents.networks.gap import GAP_SCALE, GAP_SHIFT
 from intersection_env.features import Gap
 
@@ -149,7 +149,7 @@ def nearest_foes(samples: GapSamples) -> Floats:
     sample = samples.sample[order]
     rank = np.arange(len(sample)) - np.searchsorted(sample, sample)
     kept = rank < NEAREST
-    result = np.full((len(samples), NEAREST, 4), np.nan)
+    result = np.full((len(samples), NEAREST, len(Gap)), np.nan)
     result[sample[kept], rank[kept]] = samples.features[order[kept]]
     return result.reshape(len(samples), -1)
 
@@ -178,15 +178,21 @@ def sumo_accepts(samples: GapSamples) -> Flags:
 
     Source: SUMO, MSLink::opened, blockedByFoe and getLeaveTime, MSCFModel::getMinimalArrivalTime.
     """
-    to_pga, speed, foe_to_stop, foe_speed = samples.features.astype(np.float64).T
-    to_stop, v_max, foe_v_max, foe_to_leave, merging, _ = samples.kinematics.astype(np.float64).T
-    ego = _passage(to_stop, to_pga, speed, v_max)
-    foe = _passage(foe_to_stop, foe_to_leave, foe_speed, foe_v_max)
+    pair = dict(zip(Gap, samples.features.astype(np.float64).T, strict=True))
+    beside = dict(zip(Kinematics, samples.kinematics.astype(np.float64).T, strict=True))
+    foe_to_stop, foe_speed = pair[Gap.FOE_DISTANCE_TO_STOP_LINE], pair[Gap.FOE_SPEED]
+    ego = _passage(
+        beside[Kinematics.DISTANCE_TO_STOP_LINE],
+        pair[Gap.DISTANCE_TO_PGA],
+        pair[Gap.SPEED],
+        beside[Kinematics.V_MAX],
+    )
+    foe = _passage(foe_to_stop, beside[Kinematics.FOE_TO_LEAVE], foe_speed, beside[Kinematics.FOE_V_MAX])
     follows = foe.leave < ego.arrival
     leads = ~follows & (foe.arrival > ego.leave + TIME_GAP)
     behind = (ego.arrival - foe.leave >= TIME_GAP) & _merges_safely(foe.leave_speed, ego.arrival_speed)
     ahead = _merges_safely(ego.leave_speed, _braked(foe_to_stop, foe_speed))
-    crossing = merging == 0.0
+    crossing = beside[Kinematics.MERGING] == 0.0
     accepted: Flags = (follows & (crossing | behind)) | (leads & (crossing | ahead))
     return accepted
 

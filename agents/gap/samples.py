@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from tqdm import tqdm
 
 from intersection_env.constants import DT
-from intersection_env.features import Driving
+from intersection_env.features import Driving, Gap
 from intersection_env.maps.intersection import Intersection
 from intersection_env.maps.meeting import Conflict
 from intersection_env.prediction.predictor import Predictor
@@ -47,8 +47,8 @@ class Kinematics(IntEnum):
 class GapSamples:
     """Pairs in rows, grouped by sample.
 
-    features: (pair, 4) float32, as `Observation.gap`: distance to the PGA [m], speed [m/s], the foe's distance to
-        its stop line [m], its speed [m/s].
+    features: (pair, 4) float32, columns `Gap`, as of `Observation.gap`: distance to the PGA [m], speed [m/s], the
+        foe's distance to its stop line [m], its speed [m/s].
     kinematics: (pair, 6) float32, columns `Kinematics`: the yielder's distance to its stop line [m] and v_max [m/s];
         the foe's v_max [m/s] and its distance until its rear has left the conflict [m]; merging (0 or 1); the foe's
         length [m].
@@ -105,7 +105,7 @@ class GapSamples:
         counts = np.bincount(self.sample, minlength=len(self))
         place = np.arange(len(self.sample)) - np.repeat(np.cumsum(counts) - counts, counts)
         there = np.zeros((len(self), int(counts.max(initial=1))), np.bool_)
-        features = np.zeros((*there.shape, 4), np.float32)
+        features = np.zeros((*there.shape, len(Gap)), np.float32)
         there[self.sample, place] = True
         features[self.sample, place] = self.features
         return features, there
@@ -166,14 +166,21 @@ def _frame(
     if not kept.any():
         return 0
     i, j = traffic.conflicts[kept].T
-    d_stop, v_max = seen.driving[:, Driving.DISTANCE_TO_STOP_LINE], seen.driving[:, Driving.V_MAX]
+    to_stop_line, v_max = seen.driving[:, Driving.DISTANCE_TO_STOP_LINE], seen.driving[:, Driving.V_MAX]
     conflicts = [orders.conflict(tracks[a], tracks[b]) for a, b in zip(i, j, strict=True)]
     leaves = (
         np.array([c.on_prioritized[1] for c in conflicts], np.float32) - traffic.position[j] + 0.5 * traffic.length[j]
     )
-    merging = np.array([c.merging for c in conflicts], np.float32)
+    kinematics = {
+        Kinematics.DISTANCE_TO_STOP_LINE: to_stop_line[i],
+        Kinematics.V_MAX: v_max[i],
+        Kinematics.FOE_V_MAX: v_max[j],
+        Kinematics.FOE_TO_LEAVE: leaves,
+        Kinematics.MERGING: np.array([c.merging for c in conflicts], np.float32),
+        Kinematics.FOE_LENGTH: traffic.length[j],
+    }
     rows["features"].append(seen.gap[kept])
-    rows["kinematics"].append(np.stack([d_stop[i], v_max[i], v_max[j], leaves, merging, traffic.length[j]], axis=1))
+    rows["kinematics"].append(np.stack([kinematics[column] for column in Kinematics], axis=1))
     rows["first"].append(np.array([orders.first(tracks[a], tracks[b]) for a, b in zip(i, j, strict=True)], np.int8))
     rows["recorded"].append(observed[j])
     rows["critical_gap"].append(rules["critical_gap"].observe(traffic).accepts[kept])

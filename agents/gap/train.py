@@ -6,9 +6,6 @@ python -m agents.gap paper --run runs/gap_paper
 
 from __future__ import annotations
 
-import dataclasses
-import sys
-import time
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
@@ -17,17 +14,18 @@ import numpy as np
 import torch
 from torch import Tensor
 from torch.nn.functional import binary_cross_entropy_with_logits
-from tqdm import tqdm
 
 from agents.gap.samples import Foes, GapSamples, gap_samples
 from agents.networks.export import policy_file
 from agents.networks.gap import GapNetwork, least_logit
-from agents.training.folder import RunFolder, file_hash
-from agents.training.interrupt import Interrupted, ctrl_c
+from agents.training.command import Command
+from agents.training.folder import RunFolder, decisive, file_hash
+from agents.training.loop import Epochs
 from intersection_env.scenes.scene import SPLITS
 from intersection_env.scenes.scenes import Scenes
 
-INPUT_NOISE = (0.5, 0.1, 2.0, 2.0)  # [m], [m/s], [m], [m/s]; paper, Section IV-B.1
+COMMAND = "python -m agents.gap"
+INPUT_NOISE = (0.5, 0.1, 2.0, 2.0)  # [m], [m/s], as `Gap` has them; paper, Section IV-B.1
 CYCLE = 100  # ours: the paper names CyclicLR, not its period; batches up, and as many down
 TEMPERATURES = np.geomspace(0.3, 3.0, 301)
 
@@ -57,11 +55,6 @@ class GapSettings:
     checkpoint_every: int = 10
     """Epochs."""
 
-    def decisive(self) -> dict[str, Any]:
-        """The settings that decide the result, as JSON holds them."""
-        kept = dataclasses.asdict(self)
-        return {key: value for key, value in kept.items() if key not in ("scenes", "run", "resume")}
-
 
 PROFILES = {
     "default": ("what does best on the development recordings", GapSettings()),
@@ -73,7 +66,7 @@ PROFILES = {
 
 
 @dataclass(frozen=True)
-class Data:
+class PaddedSamples:
     """Samples as tensors: features (sample, foe, 4), there (sample, foe) bool, label (sample,) 0 or 1."""
 
     features: Tensor
@@ -81,7 +74,7 @@ class Data:
     label: Tensor
 
     @classmethod
-    def of(cls, samples: GapSamples) -> Data:
+    def of(cls, samples: GapSamples) -> PaddedSamples:
         features, there = samples.padded()
         label = torch.from_numpy(samples.labels().astype(np.float32))
         return cls(torch.from_numpy(features), torch.from_numpy(there), label)
@@ -107,49 +100,35 @@ def train_network(
     """
     torch.manual_seed(settings.seed)  # the network's first weights
     network, generator = GapNetwork(), torch.Generator().manual_seed(settings.seed)
-    data, held_out = Data.of(train), Data.of(development)
+    data, held_out = PaddedSamples.of(train), PaddedSamples.of(development)
+    noise = settings.noise * torch.tensor(INPUT_NOISE)
     batches = -(-len(data.label) // settings.batch)
     optimizer = torch.optim.Adam(network.parameters(), lr=settings.learning_rate)
     schedule = _schedule(settings, optimizer, settings.epochs * batches)
-    state = folder.load() if folder else None
-    if state is not None:
-        network.load_state_dict(state["network"])
-        optimizer.load_state_dict(state["optimizer"])
-        schedule.load_state_dict(state["schedule"])
-        generator.set_state(state["generator"])
-    first = 0 if state is None else int(state["epoch"])
-    with ctrl_c() as interrupted:
-        bar = tqdm(
-            range(first + 1, settings.epochs + 1), "gap network", disable=None if progress else True, unit="epoch"
-        )
-        for epoch in bar:
-            loss = _epoch(network, data, optimizer, schedule, generator, settings)
-            row = {"epoch": epoch, "loss": loss}
-            is_due = epoch == settings.epochs or epoch % settings.checkpoint_every == 0
-            if is_due:
+    with Epochs("gap network", settings.epochs, folder, settings.checkpoint_every, progress) as epochs:
+        epochs.resume(network=network, optimizer=optimizer, schedule=schedule, generator=generator)
+        for _ in epochs:
+            total = 0.0
+            for rows in torch.split(torch.randperm(len(data.label), generator=generator), settings.batch):
+                clean = data.features[rows]
+                noisy = clean + noise * torch.randn(clean.shape, generator=generator)
+                loss = binary_cross_entropy_with_logits(least_logit(network, noisy, data.there[rows]), data.label[rows])
+                optimizer.zero_grad()
+                loss.backward()  # type: ignore[no-untyped-call]
+                optimizer.step()
+                schedule.step()
+                total += float(loss.detach()) * len(rows)
+            row = {"loss": total / len(data.label)}
+            if epochs.is_due:
                 row |= scores(network, held_out)
-                bar.set_postfix({"loss": f"{loss:.4f}", "development": f"{row['accuracy']:.4f}"})
-            stop = interrupted()
-            if folder:
-                folder.append(row)
-                if is_due or stop:
-                    folder.save(
-                        {
-                            "epoch": epoch,
-                            "network": network.state_dict(),
-                            "optimizer": optimizer.state_dict(),
-                            "schedule": schedule.state_dict(),
-                            "generator": generator.get_state(),
-                        }
-                    )
-            if stop and epoch < settings.epochs:
-                raise Interrupted
+                epochs.show(loss=f"{row['loss']:.4f}", development=f"{row['accuracy']:.4f}")
+            epochs.end(row)
     if settings.calibrate:
         _divide_logits(network, best_temperature(network, held_out))
     return network
 
 
-def scores(network: GapNetwork, data: Data) -> dict[str, float]:
+def scores(network: GapNetwork, data: PaddedSamples) -> dict[str, float]:
     """Accuracy and log loss of the decisions (sample,)."""
     with torch.no_grad():
         logit = least_logit(network, data.features, data.there)
@@ -160,35 +139,13 @@ def scores(network: GapNetwork, data: Data) -> dict[str, float]:
         }
 
 
-def best_temperature(network: GapNetwork, data: Data) -> float:
+def best_temperature(network: GapNetwork, data: PaddedSamples) -> float:
     """The temperature at which the log loss is least, on a grid from 0.3 to 3."""
     with torch.no_grad():
         logit = least_logit(network, data.features, data.there).double()
         label = data.label.double()
         losses = [float(binary_cross_entropy_with_logits(logit / t, label)) for t in TEMPERATURES]
     return float(TEMPERATURES[int(np.argmin(losses))])
-
-
-def _epoch(
-    network: GapNetwork,
-    data: Data,
-    optimizer: torch.optim.Optimizer,
-    schedule: torch.optim.lr_scheduler.LRScheduler,
-    generator: torch.Generator,
-    settings: GapSettings,
-) -> float:
-    noise = settings.noise * torch.tensor(INPUT_NOISE)
-    total = 0.0
-    for rows in torch.split(torch.randperm(len(data.label), generator=generator), settings.batch):
-        clean = data.features[rows]
-        noisy = clean + noise * torch.randn(clean.shape, generator=generator)
-        loss = binary_cross_entropy_with_logits(least_logit(network, noisy, data.there[rows]), data.label[rows])
-        optimizer.zero_grad()
-        loss.backward()  # type: ignore[no-untyped-call]
-        optimizer.step()
-        schedule.step()
-        total += float(loss.detach()) * len(rows)
-    return total / len(data.label)
 
 
 def _schedule(
@@ -208,28 +165,19 @@ def _divide_logits(network: GapNetwork, temperature: float) -> None:
 
 def main(settings: GapSettings) -> int:
     """Trains as told and writes the policy file `gap.policy` into the run folder; returns the exit status."""
-    torch.set_num_threads(1)  # such small networks gain nothing from more
-    begin = time.perf_counter()
-    try:
+    with Command(settings.run / "gap.policy") as command:
         scenes = Scenes.load(settings.scenes)
-        folder = RunFolder.begin(settings.run, settings.decisive(), file_hash(settings.scenes), settings.resume)
+        folder = RunFolder.begin(settings.run, decisive(settings), file_hash(settings.scenes), settings.resume)
         samples, left_out = gap_samples(scenes)
         train, development = (samples.of_split(scenes, split).select(settings.foes) for split in SPLITS[:2])
         print(f"{len(train)} samples to learn from, {len(development)} for development; left out: {left_out}")
         network = train_network(train, development, settings, folder)
-    except Interrupted:
-        print(f"interrupted; --resume goes on from {settings.run}", file=sys.stderr)
-        return 130
-    except (OSError, ValueError) as error:
-        print(f"error: {error}", file=sys.stderr)
-        return 1
-    about: dict[str, Any] = {"made_by": "python -m agents.gap", "settings": settings.decisive()}
-    about["data"] = {"map": scenes.intersection.name, "sha256": file_hash(settings.scenes)}
-    about["development"] = {}
-    for foes in ("recorded", "all"):
-        held_out = Data.of(samples.of_split(scenes, "development").select(foes))
-        about["development"][foes] = {key: round(value, 4) for key, value in scores(network, held_out).items()}
-        print(f"development, {foes} foes: {about['development'][foes]}")
-    policy_file(network, about).save(settings.run / "gap.policy")
-    print(f"written: {settings.run / 'gap.policy'}, in {time.perf_counter() - begin:.0f} s")
-    return 0
+        about: dict[str, Any] = {"made_by": COMMAND, "settings": decisive(settings)}
+        about["data"] = {"map": scenes.intersection.name, "sha256": file_hash(settings.scenes)}
+        about["development"] = {}
+        for foes in ("recorded", "all"):
+            held_out = PaddedSamples.of(samples.of_split(scenes, "development").select(foes))
+            about["development"][foes] = {key: round(value, 4) for key, value in scores(network, held_out).items()}
+            print(f"development, {foes} foes: {about['development'][foes]}")
+        policy_file(network, about).save(command.output)
+    return command.status

@@ -16,12 +16,12 @@ from torchrl.envs.utils import ExplorationType
 
 from agents.networks.driving import Driver
 from agents.rollouts.envs import ClosedLoopEnv, ReplayEnv
+from intersection_env.features import DRIVING_FEATURES
 from intersection_env.worlds.closed_loop import ClosedLoopWorlds
 from intersection_env.worlds.replay import ReplayWorlds
 
 Worlds: TypeAlias = ClosedLoopWorlds | ReplayWorlds
 
-FEATURES = 12
 FLOATS = ("latent", "log_probability", "value_now", "value_next", "reward")
 FLAGS = ("terminated", "cut")
 RANDOM = "random"  # in the worlds' state, the one of unsigned numbers
@@ -90,7 +90,7 @@ class Rollouts:
     def _buffer(self) -> dict[str, Tensor]:
         floats = {name: torch.zeros(self.shape) for name in FLOATS}
         flags = {name: torch.zeros(self.shape, dtype=torch.bool) for name in FLAGS}
-        return {"observation": torch.zeros(*self.shape, FEATURES), **floats, **flags}
+        return {"observation": torch.zeros(*self.shape, len(DRIVING_FEATURES)), **floats, **flags}
 
     def _named(self, buffer: dict[str, Tensor]) -> TensorDict:
         rows = {name: tensor.unsqueeze(-1) for name, tensor in buffer.items()}

@@ -6,6 +6,7 @@ A run killed at any moment resumes from its checkpoint to the same bytes as an u
 
 from __future__ import annotations
 
+import dataclasses
 import hashlib
 import json
 import platform
@@ -25,6 +26,9 @@ if TYPE_CHECKING:
     from torch.utils.tensorboard import SummaryWriter
 
 CONFIG, METRICS, CHECKPOINT = "config.json", "metrics.jsonl", "checkpoint.pt"
+LAST_BYTES = 4096  # of the metrics, which hold the last line
+NOT_DECISIVE = ("scenes", "ppo", "run", "resume", "threads", "workers", "seeds", "tensorboard")
+"""Settings that say where files lie, whose content counts by its hash, and how the work is done."""
 
 
 @dataclass(frozen=True)
@@ -114,6 +118,23 @@ class RunFolder:
                 kept = (line for line in lines if _epoch(line) <= epoch)
                 temporary.write_text("".join(f"{line}\n" for line in kept), encoding="utf-8")
         return state
+
+
+def decisive(settings: Any) -> dict[str, Any]:
+    """Those of a trainer's settings, a dataclass, that decide the result; as JSON holds them."""
+    kept: dict[str, Any] = json.loads(json.dumps(dataclasses.asdict(settings), default=str))
+    return {key: value for key, value in kept.items() if key not in NOT_DECISIVE}
+
+
+def last_row(metrics: Path) -> dict[str, Any]:
+    """The last whole line of a metrics file, {} if there is none."""
+    if not metrics.exists():
+        return {}
+    with metrics.open("rb") as file:
+        file.seek(max(metrics.stat().st_size - LAST_BYTES, 0))
+        lines = file.read().split(b"\n")
+    row: dict[str, Any] = json.loads(lines[-2]) if len(lines) > 1 else {}
+    return row
 
 
 def file_hash(path: Path) -> str:

@@ -16,8 +16,7 @@ from typing import Any, BinaryIO
 
 from tqdm import tqdm
 
-from agents.training.folder import METRICS, file_hash
-from agents.training.seeds import last_row
+from agents.training.folder import METRICS, file_hash, last_row
 from intersection_env.files import written_whole
 
 WATCH_EVERY = 1.0  # [s]

@@ -7,41 +7,10 @@ import pytest
 from numpy.typing import NDArray
 
 from agents.gap.baselines import BASELINES, nearest_foes, sumo_accepts
-from agents.gap.samples import GapSamples
 from intersection_env.features import Gap
+from tests.support.gap_samples import CAR, gap_samples_of, planted
 
 PROBABLE = ("logistic", "boosting", "boosting_three")
-CAR = 4.5  # [m]
-
-
-def gap_samples_of(
-    features: object, first: object, sample: object | None = None, kinematics: object | None = None
-) -> GapSamples:
-    """Samples of one recording, "00"; by default one pair each, and nothing known beyond the features."""
-    rows = np.array(features, np.float32).reshape(-1, 4)
-    number = np.arange(len(rows)) if sample is None else np.array(sample, np.int64)
-    count = int(number.max()) + 1
-    beside = np.tile(np.array([5.0, 10.0, 14.0, 50.0, 0.0, CAR], np.float32), (len(rows), 1))
-    return GapSamples(
-        features=rows,
-        kinematics=beside if kinematics is None else np.array(kinematics, np.float32).reshape(-1, 6),
-        first=np.array(first, np.int8),
-        recorded=np.ones(len(rows), np.bool_),
-        critical_gap=np.zeros(len(rows), np.bool_),
-        sumo=np.ones(len(rows), np.bool_),
-        sample=number,
-        sample_recording=np.array(["00"] * count),
-        frame=np.array([f"00/0 {k}" for k in range(count)]),
-    )
-
-
-def planted(count: int, seed: int = 0) -> GapSamples:
-    """Yielders with one to three foes at 10 m/s, who go first where a foe is 5 s away."""
-    generator = np.random.default_rng(seed)
-    sample = np.sort(np.concatenate([np.arange(count), generator.integers(0, count, count)]))
-    features = np.full((len(sample), 4), (12.0, 3.0, 0.0, 10.0))
-    features[:, Gap.FOE_DISTANCE_TO_STOP_LINE] = generator.uniform(0.0, 100.0, len(sample))
-    return gap_samples_of(features, features[:, Gap.FOE_DISTANCE_TO_STOP_LINE] > 50.0, sample)
 
 
 def pair(
@@ -102,8 +71,8 @@ def test_most_doubtful_foe_decides(name: str) -> None:
 def test_three_nearest_foes_come_in_order_and_missing_ones_are_nan() -> None:
     at = [30.0, -2.0, 80.0, 10.0, 55.0]
     samples = gap_samples_of([(1.0, 2.0, d, 4.0) for d in at], [0] * 5, sample=[0, 0, 0, 0, 1])
-    nearest = nearest_foes(samples).reshape(2, 3, 4)
-    np.testing.assert_array_equal(nearest[0, :, 2], [-2.0, 10.0, 30.0])
+    nearest = nearest_foes(samples).reshape(2, 3, len(Gap))
+    np.testing.assert_array_equal(nearest[0, :, Gap.FOE_DISTANCE_TO_STOP_LINE], [-2.0, 10.0, 30.0])
     np.testing.assert_array_equal(nearest[1, 0], [1.0, 2.0, 55.0, 4.0])
     assert np.isnan(nearest[1, 1:]).all()
 

@@ -19,7 +19,7 @@ from tests.conftest import MAP_NAMES
 from tests.core.test_core import core_predictor, replayed
 from tests.reference import predictor as reference
 from tests.support.damage import with_checksum
-from tests.support.training import small_scenes
+from tests.support.scenes import small_scenes
 from tests.support.twins import CASES, random_assignment, random_case
 
 SLOW = IdmParameters(2.0, 1.6, 1.5, 2.0, 8.0, 0.8, 2.0)

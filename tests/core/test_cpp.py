@@ -13,7 +13,6 @@ from intersection_env import Intersection, Predictor, _core, rank_maneuvers
 from tests.conftest import MAP_NAMES
 from tests.hardening.planner import (
     RANDOM,
-    ROOT,
     TRAFFIC,
     assert_same,
     printed,
@@ -21,6 +20,7 @@ from tests.hardening.planner import (
     read_traffic,
     write_traffic,
 )
+from tests.support.paths import ROOT
 
 BUILD = ROOT / "build" / "cpp"
 TOOLS = Path(sys.executable).parent

@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 
 from tests.reference.intersection import Map, Sample, load_map, sample
+from tests.support.paths import MAPS
 from tests.support.placing import BOTH, T_JUNCTION
-
-MAPS = Path(__file__).parents[2] / "intersection_env" / "maps"
 
 
 @pytest.mark.parametrize("at", [b"stop_line 149", b"map 1"])

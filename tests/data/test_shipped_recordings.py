@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-from pathlib import Path
 
 import pytest
 
@@ -11,15 +10,15 @@ from data.build import build
 from data.describe.statistics import Statistics, statistics
 from intersection_env.maps.intersection import Intersection
 from intersection_env.scenes.scenes import Scenes
+from tests.support.paths import RECORDINGS
 
-FOLDER = Path(__file__).parents[2] / "data" / "recordings"
 SECONDS_PER_HOUR = 20.0  # of recording, on one core
 
 
 @pytest.fixture(scope="module")
 def built() -> tuple[Scenes, float]:
     begin = time.process_time()
-    scenes = build(FOLDER, Intersection.load("bendplatz"), progress=False)
+    scenes = build(RECORDINGS, Intersection.load("bendplatz"), progress=False)
     return scenes, time.process_time() - begin
 
 

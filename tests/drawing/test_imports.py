@@ -9,7 +9,8 @@ from pathlib import Path
 
 import pytest
 
-PACKAGE = Path(__file__).parents[2] / "intersection_env"
+from tests.support.paths import PACKAGE
+
 ROOMS = {
     "maps": "curve source meeting compiler intersection outline __main__",
     "plots": "files colours lanes map_labels map_plot prediction_plot animation __main__",

@@ -13,7 +13,7 @@ from intersection_env.features import Driving
 from tests.conftest import MAP_NAMES
 from tests.support.doors import ALL_STILL, GAPS, episode
 from tests.support.episodes import gentle
-from tests.support.single_lane import single_lane_source
+from tests.support.single_lane_junction import single_lane_source
 
 
 @pytest.mark.parametrize("gap", GAPS)

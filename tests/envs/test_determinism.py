@@ -6,7 +6,6 @@ import pickle
 import subprocess
 import sys
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -15,8 +14,8 @@ import pytest
 from intersection_env import ClosedLoop, ClosedLoopWorlds, Replay, parallel_env
 from tests.support.doors import digest, episode
 from tests.support.episodes import WAYS, as_bytes
+from tests.support.paths import ROOT
 
-ROOT = Path(__file__).parents[2]
 DIGEST = """
 import sys
 import intersection_env

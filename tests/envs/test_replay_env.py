@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,8 +15,7 @@ from intersection_env.features import Driving
 from intersection_env.scenes.file import pack
 from intersection_env.scenes.scenes import RECORDED
 from tests.support.doors import REPLAY_GAPS, episode
-
-ROOT = Path(__file__).parents[2]
+from tests.support.paths import ROOT
 
 
 def test_scenes_that_ship_are_what_the_recordings_that_ship_give() -> None:

@@ -14,7 +14,7 @@ import tyro
 from agents.gap.train import PROFILES as GAP_PROFILES
 from agents.networks.driving import DrivingNetwork
 from agents.networks.export import driving_policy
-from agents.training.folder import METRICS
+from agents.training.folder import METRICS, decisive
 from experiments.models import lead_across
 from experiments.reproduce import ablations
 from experiments.reproduce.ablations import (
@@ -31,7 +31,7 @@ from experiments.reproduce.workspace import Job, Options
 from imitation.gail import PROFILES as GAIL_PROFILES
 from intersection_env.evaluation import intervals
 from intersection_env.policies.named import gap_decider
-from tests.support.training import small_scenes
+from tests.support.scenes import small_scenes
 
 Trainings = dict[Path, list[str]]
 
@@ -104,7 +104,7 @@ def test_every_variant_is_trained_and_measured_once(job: Job, monkeypatch: pytes
 def test_variants_change_what_they_say_and_nothing_else(job: Job, monkeypatch: pytest.MonkeyPatch) -> None:
     def settings(profiles: Any, command: list[str]) -> dict[str, Any]:
         found = tyro.extras.overridable_config_cli(profiles, args=command[1:])
-        return {**found.decisive(), "run": None, "ppo": getattr(found, "ppo", None)}
+        return {**decisive(found), "run": None, "ppo": getattr(found, "ppo", None)}
 
     commands = list(trained(job, monkeypatch).values())
     gaps = [settings(GAP_PROFILES, one) for one in commands if one[0] == "agents.gap"]

@@ -20,7 +20,7 @@ from experiments.measure.gap import Options, decider_of, main, on_folds, on_spli
 from experiments.measure.gap_scores import BINS, NETWORK, RESAMPLES, compare, measures, table, tally
 from experiments.show.gap import acceptance, critical, plot, typical_distances
 from intersection_env.features import Gap
-from tests.agents.test_baselines import gap_samples_of, planted
+from tests.support.gap_samples import gap_samples_of, planted
 
 ONCE = np.ones((1, 1))
 

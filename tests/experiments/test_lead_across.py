@@ -13,7 +13,7 @@ from intersection_env import Intersection, Predictor, Traffic
 from intersection_env.evaluation.moments import moments_of
 from intersection_env.policies.file import PolicyFile
 from intersection_env.traffic import Vehicle
-from tests.support.training import small_scenes
+from tests.support.scenes import small_scenes
 
 
 @pytest.fixture(scope="module")

@@ -17,9 +17,9 @@ import pandas as pd
 
 from intersection_env import Intersection, Predictor, Traffic, Vehicle, rank_maneuvers
 from tests.conftest import MAP_NAMES
+from tests.support.paths import ROOT
 from tests.support.twins import random_case
 
-ROOT = Path(__file__).parents[2]
 TRAFFIC = ROOT / "examples" / "planner" / "traffic.txt"
 NUMBERS = ["total_time_loss", "worst_time_loss", "gain", "minimum_distance"]
 TOLERANCE = 1e-3  # [s], [m]

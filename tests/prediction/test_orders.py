@@ -11,7 +11,7 @@ from intersection_env import Intersection, Predictor, Traffic, Vehicle, crossing
 from tests.conftest import MAP_NAMES
 from tests.reference import predictor as reference
 from tests.support.busy_traffic import busy
-from tests.support.single_lane import single_lane_source
+from tests.support.single_lane_junction import single_lane_source
 from tests.support.twins import CASES, random_case, twin_map
 
 

@@ -13,7 +13,7 @@ from intersection_env import Intersection, Predictor, Traffic, Vehicle, rank_man
 from intersection_env.evaluation.errors import error_figures
 from intersection_env.prediction.measures import crossing_order, time_loss
 from tests.support.busy_traffic import BENDPLATZ, T, busy
-from tests.support.single_lane import single_lane_source
+from tests.support.single_lane_junction import single_lane_source
 from tests.support.twins import random_case
 
 

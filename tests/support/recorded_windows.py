@@ -5,16 +5,16 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
-from pathlib import Path
 from typing import Any
 
 from data.build import build
 from intersection_env import Intersection, _core
 from tests.reference.worlds import Recording, Rules, Scene, Track
+from tests.support.paths import RECORDINGS
+from tests.support.replay_cases import can_act, replay, window
 from tests.support.twins import twin_map
-from tests.support.worlds_cases import can_act, replay, rules_and_policy, window
+from tests.support.worlds_cases import rules_and_policy
 
-FOLDER = Path(__file__).parents[2] / "data" / "recordings"
 MAP = "bendplatz"
 STEPS = 110  # of a window; twenty seconds are two or three queues
 DECISIONS = ("recording", "critical_gap", "sumo", "network")
@@ -44,13 +44,13 @@ class Windows:
 @cache
 def recorded_windows() -> Windows:
     """Three of recording 12."""
-    scenes = build(FOLDER, Intersection.load(MAP), ["12"], progress=False)
+    scenes = build(RECORDINGS, Intersection.load(MAP), ["12"], progress=False)
     chosen = [window(scenes["12/0"], 60, STEPS), window(scenes["12/2"], 300, STEPS), window(scenes["12/3"], 90, STEPS)]
     return Windows(chosen, [(k, track) for k, scene in enumerate(chosen) for track in range(len(scene.tracks))])
 
 
 def replayed_windows(worlds: int, **how: Any) -> _core.Replay:
-    """The core's replay of them; how: as `worlds_cases.replay`."""
+    """The core's replay of them; how: as `replay_cases.replay`."""
     return replay(MAP, recorded_windows().scenes, worlds, **how)
 
 

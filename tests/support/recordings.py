@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from intersection_env.maps.intersection import Intersection
+from intersection_env.maps.intersection import Intersection, Sample
 
 FRAME_RATE = 25.0
 Floats = NDArray[np.float64]
@@ -43,7 +43,7 @@ def on_route(
     s = arc_length(time)
     samples = intersection.routes[intersection.route_index(route)].samples.astype(np.float64)
     grid = np.arange(len(samples))
-    x, y, heading = (np.interp(s, grid, samples[:, column]) for column in range(3))
+    x, y, heading = (np.interp(s, grid, samples[:, column]) for column in (Sample.X, Sample.Y, Sample.HEADING))
     centre = np.stack([x - aside * np.sin(heading), y + aside * np.cos(heading)], axis=1)
     size = (0.0, 0.0) if road_user == "bicycle" else (4.5, 1.8)
     return Mover(track, road_user, round(begin * FRAME_RATE), centre, *size)

@@ -9,8 +9,9 @@ from numpy.typing import NDArray
 
 from intersection_env import _core
 from tests.reference.worlds import Track
+from tests.support.replay_cases import driven, replay, scene_of
 from tests.support.world_traces import outputs
-from tests.support.worlds_cases import Arrays, driven, replay, scene_of
+from tests.support.worlds_cases import Arrays
 
 T = "t_junction"
 

@@ -10,9 +10,10 @@ from intersection_env.features import Driving
 from tests.reference import worlds as reference_worlds
 from tests.reference.worlds import Rules
 from tests.support.replay_by_hand import T
+from tests.support.replay_cases import driven, replay, scene_of
 from tests.support.twins import twin_map
 from tests.support.world_traces import act
-from tests.support.worlds_cases import closed_loop, driven, replay, scene_of, twin_of
+from tests.support.worlds_cases import closed_loop, twin_of
 
 
 def test_last_cycle_truncates_everybody() -> None:

@@ -10,8 +10,8 @@ import pytest
 from intersection_env.features import Driving
 from tests.reference.worlds import Track
 from tests.support.replay_by_hand import T, column, foe_passing, go, hand, yielding
+from tests.support.replay_cases import driven
 from tests.support.twins import twin_map
-from tests.support.worlds_cases import driven
 
 
 def test_recording_decides_as_the_recorded_vehicle_did() -> None:

@@ -9,7 +9,7 @@ import pytest
 
 from intersection_env.features import Driving
 from tests.support.replay_by_hand import T, column, go, hand
-from tests.support.worlds_cases import driven, replay, scene_of
+from tests.support.replay_cases import driven, replay, scene_of
 
 
 def test_kinematics_never_go_backwards() -> None:

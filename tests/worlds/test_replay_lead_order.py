@@ -7,7 +7,7 @@ import pytest
 
 from intersection_env.features import Driving
 from tests.support.replay_by_hand import T, column, go, hand
-from tests.support.worlds_cases import driven
+from tests.support.replay_cases import driven
 
 
 def test_vehicle_that_was_behind_never_becomes_the_lead() -> None:

@@ -13,7 +13,8 @@ from intersection_env import Intersection, _core
 from intersection_env.features import Driving
 from tests.support.recorded_windows import recorded_windows, replayed_windows
 from tests.support.replay_by_hand import T, hand
-from tests.support.worlds_cases import core_of_scenes, driven, rules_and_policy, scene_of
+from tests.support.replay_cases import core_of_scenes, driven, scene_of
+from tests.support.worlds_cases import rules_and_policy
 
 
 def test_resets_draw_all_actors_and_nobody_else() -> None:

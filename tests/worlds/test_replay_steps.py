@@ -14,9 +14,10 @@ from tests.reference import predictor as reference
 from tests.reference import worlds as reference_worlds
 from tests.reference.worlds import Recording, Ride, RideStep, ride_on
 from tests.support.recorded_windows import DECISIONS, MAP, Windows, recorded_windows, replayed_windows, rules_of
+from tests.support.replay_cases import can_act
 from tests.support.twins import CASES, twin_map
 from tests.support.world_traces import outputs
-from tests.support.worlds_cases import NUDGES, OBSERVATION_TOLERANCE, REWARD_TOLERANCE, ROUNDING, Arrays, can_act
+from tests.support.worlds_cases import NUDGES, OBSERVATION_TOLERANCE, REWARD_TOLERANCE, ROUNDING, Arrays
 
 SEEN = slice(Driving.ENTERS)  # what does not hang on a decision
 

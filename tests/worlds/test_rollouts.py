@@ -8,8 +8,9 @@ from functools import partial
 import pytest
 
 from tests.support.recorded_windows import DECISIONS, replayed_windows
+from tests.support.rollout_cases import check_rollouts
 from tests.support.world_traces import Worlds
-from tests.support.worlds_cases import check_rollouts, closed_loop
+from tests.support.worlds_cases import closed_loop
 
 
 @pytest.mark.parametrize(

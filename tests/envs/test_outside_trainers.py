@@ -1,8 +1,7 @@
-"""Today's trainers run on the environments as they are."""
+"""Trainers from outside run on the environments as they are: Stable-Baselines3, CleanRL, TorchRL."""
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 import gymnasium
@@ -15,10 +14,7 @@ from torch import nn
 from torchrl.envs import PettingZooWrapper
 from torchrl.envs.utils import check_env_specs
 
-import agents.gap.train
-import intersection_env
-from agents.gap.train import GapSettings
-from tests.support.training import small_scenes
+from intersection_env import ClosedLoopWorlds, parallel_env
 
 REPLAY = "intersection_env/Replay-v0"
 
@@ -113,21 +109,28 @@ def test_a_cleanrl_style_ppo_loop_runs_on_the_replay(mode: str) -> None:
     assert episodes > 0
 
 
-def test_gap_training_writes_a_policy_that_loads(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    small_scenes("train", "development").save(tmp_path / "scenes.npz")
-    settings = GapSettings(scenes=tmp_path / "scenes.npz", run=tmp_path / "run", epochs=3)
-    assert agents.gap.train.main(settings) == 0
-    path = tmp_path / "run" / "gap.policy"
-    assert f"written: {path}" in capsys.readouterr().out
-    policy = intersection_env.Predictor.load(path).policy
-    assert policy.gap_network is not None
-    assert policy.about["settings"] == settings.decisive()
-
-
 @pytest.mark.filterwarnings("ignore:PettingZoo in TorchRL:UserWarning")  # theirs: they test another version
 def test_torchrl_wraps_the_closed_loop() -> None:
-    wrapped = PettingZooWrapper(intersection_env.parallel_env(), use_mask=True, done_on_any=False)
+    wrapped = PettingZooWrapper(parallel_env(), use_mask=True, done_on_any=False)
     check_env_specs(wrapped)
     rollout = wrapped.rollout(200, break_when_any_done=False)
     assert rollout["vehicle", "observation"].shape[1:] == (12, 12)
     assert rollout["vehicle", "mask"].all(dim=-1).any()
+
+
+@pytest.mark.filterwarnings("ignore:PettingZoo in TorchRL:UserWarning")  # theirs: they test another version
+def test_pettingzoo_wrapper_gives_the_same_specs_and_numbers() -> None:
+    wrapped = PettingZooWrapper(parallel_env(vehicles=3, max_cycles=20), use_mask=True, done_on_any=False)
+    check_env_specs(wrapped, break_when_any_done="both")
+    wrapped.set_seed(3)
+    data = wrapped.rollout(50, break_when_any_done=False)
+    own = ClosedLoopWorlds(worlds=1, vehicles=3, max_cycles=20)
+    own.reset(3)
+    own.reset_worlds(np.ones(1, np.bool_))  # `set_seed` resets, and the rollout once more
+    ends = data["next", "done"].squeeze(-1).nonzero().flatten().tolist()
+    assert len(ends) >= 2
+    for step in range(ends[0] + 1):
+        np.testing.assert_array_equal(data["vehicle", "observation"][step], own.observation[0])
+        own.action[:] = data["vehicle", "action"][step].squeeze(-1).numpy()
+        own.step()
+        np.testing.assert_array_equal(data["next", "vehicle", "reward"][step].squeeze(-1), own.reward[0])

@@ -1,0 +1,54 @@
+"""Seeds side by side give the bytes of each alone; what cannot be had is said."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from agents.ppo import main
+from tests.support.trainings import TINY_SHARED as TINY
+from tests.support.trainings import outcome, train_alone
+
+
+@pytest.mark.ray
+@pytest.mark.usefixtures("ray_with_two_cores")
+def test_seeds_side_by_side_do_what_each_does_alone_and_one_may_fail(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "runs" / "seed_7").mkdir(parents=True)
+    (tmp_path / "runs" / "seed_7" / "config.json").write_text("{}")
+    assert main(replace(TINY, run=Path("runs"), seeds=(7, 1, 2))) == 1
+    printed = capsys.readouterr()
+    assert "seed 7: error:" in printed.err
+    assert "holds a run already" in printed.err
+    for seed in (1, 2):
+        assert f"seed {seed}: 2000 s" in printed.out
+        assert (tmp_path / "runs" / f"seed_{seed}" / "ppo.policy").exists()
+        train_alone(replace(TINY, run=tmp_path / f"alone_{seed}", seed=seed))
+        assert outcome(tmp_path / "runs" / f"seed_{seed}") == outcome(tmp_path / f"alone_{seed}")
+
+
+@pytest.mark.parametrize(
+    ("asked", "message"),
+    [
+        ({"workers": 2}, "workers needs Ray, which is not installed: pip install -e '.[ray]'"),
+        ({"seeds": (1, 2)}, "seeds needs Ray, which is not installed: pip install -e '.[ray]'"),
+        ({"seeds": (1, 2), "workers": 2}, "--seeds and --workers do not go together"),
+        ({"workers": 3}, "2 worlds can be divided"),
+    ],
+)
+def test_what_cannot_be_had_without_ray_is_said(
+    asked: dict[str, Any],
+    message: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.setitem(sys.modules, "ray", None)  # as if it were not installed
+    assert main(replace(TINY, run=tmp_path, **asked)) == 1
+    assert message in capsys.readouterr().err

@@ -1,0 +1,39 @@
+"""The model in plain torch does what the core does, step by step."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import torch
+
+from imitation.torch_model import TorchPredictor
+from intersection_env import Predictor, _core
+from intersection_env.policies.file import PolicyFile
+from tests.conftest import MAP_NAMES
+from tests.support.twins import CASES, random_assignment, random_case
+
+TOLERANCE = 2e-3  # [m], [m/s], [s]; what 50 steps in float32 may lose
+
+
+@pytest.fixture(scope="module")
+def policy() -> PolicyFile:
+    return Predictor.load("gail").policy
+
+
+@pytest.mark.parametrize("name", MAP_NAMES)
+@pytest.mark.parametrize("seed", range(12 * CASES))
+def test_it_predicts_what_the_core_predicts(name: str, seed: int, policy: PolicyFile) -> None:
+    """Without intervention, and with orders that are assigned in part."""
+    traffic, _ = random_case(name, seed)
+    if not len(traffic):
+        pytest.skip("nobody is there")
+    none = _core.complete(traffic.intersection.core, traffic.core, np.zeros((1, len(traffic.conflicts)), np.int8))
+    orders = np.concatenate([random_assignment(traffic, np.random.default_rng(seed)), none])
+    core = Predictor(policy, "core").predict(traffic, orders)
+    states = list(TorchPredictor(traffic, policy).states(torch.from_numpy(orders)))
+    assert len(states) == _core.STEPS
+    for step, state in enumerate(states, 1):
+        np.testing.assert_array_equal(state.present.numpy(), core.present[:, step])
+        np.testing.assert_allclose(state.position.numpy(), core.position[:, step], atol=TOLERANCE)
+        np.testing.assert_allclose(state.speed.numpy(), core.speed[:, step], atol=TOLERANCE)
+    np.testing.assert_allclose(states[-1].time_loss.numpy(), core.time_loss, atol=TOLERANCE)

@@ -1,0 +1,182 @@
+"""The trainers with settings by which each takes a second or two, and what befalls their runs."""
+
+from __future__ import annotations
+
+import multiprocessing
+import resource
+import signal
+import time
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+
+import agents.gap.train
+import agents.ppo
+import imitation.gail
+from agents.gap.train import GapSettings
+from agents.ppo import PpoSettings
+from agents.rollouts.policy_update import UpdateSettings
+from agents.training.folder import CHECKPOINT, METRICS, RunFolder, decisive, state_hash
+from imitation.discriminator import DiscriminatorSettings
+from imitation.gail import GailSettings
+
+PATIENCE = 120.0  # [s]
+TINY_GAP = GapSettings(epochs=8, batch=256, checkpoint_every=3)
+TINY_PPO = PpoSettings(
+    gaps=("critical_gap",),
+    worlds=4,
+    vehicles=6,
+    steps=16,
+    epochs=8,
+    update=UpdateSettings(passes=1, minibatches=2),
+    threads=1,
+    checkpoint_every=3,
+)
+TINY_SHARED = PpoSettings(
+    gaps=("critical_gap", "sumo"), worlds=4, vehicles=6, steps=16, epochs=4, checkpoint_every=3, threads=1
+)
+"""Of worlds that two workers can share."""
+TINY_GAIL = GailSettings(
+    ppo=None,
+    worlds=8,
+    steps=16,
+    epochs=8,
+    value_epochs=2,
+    update=UpdateSettings(passes=2, minibatches=1),
+    discriminator=DiscriminatorSettings(updates=2),
+    threads=1,
+    checkpoint_every=3,
+)
+
+
+@dataclass(frozen=True)
+class Trainer:
+    """One of the trainers: its command, and settings for a tiny training without a run folder."""
+
+    command: str
+    main: Callable[[Any], int]
+    settings: Any
+    policy: str
+    """The policy file that it writes into the run folder."""
+
+    def train(self, run: Path, **others: Any) -> tuple[str, bytes, bytes]:
+        """The outcome of an unbroken run."""
+        assert self.main(replace(self.settings, run=run, **others)) == 0
+        return self.outcome(run)
+
+    def outcome(self, run: Path) -> tuple[str, bytes, bytes]:
+        """What two runs must share to be the same: the checkpoint's hash, the metrics and the policy."""
+        return *outcome(run), (run / self.policy).read_bytes()
+
+
+def trainer_of(name: str, scenes: Path) -> Trainer:
+    """The trainer "gap", "gap, cyclic" (its schedule), "ppo" or "gail", on this scenes file."""
+    of_gap = Trainer(agents.gap.train.COMMAND, agents.gap.train.main, replace(TINY_GAP, scenes=scenes), "gap.policy")
+    of_ppo = Trainer(agents.ppo.COMMAND, agents.ppo.main, TINY_PPO, "ppo.policy")
+    of_gail = Trainer(imitation.gail.COMMAND, imitation.gail.main, replace(TINY_GAIL, scenes=scenes), "gail.policy")
+    cyclic = replace(of_gap, settings=replace(of_gap.settings, schedule="cyclic"))
+    return {"gap": of_gap, "gap, cyclic": cyclic, "ppo": of_ppo, "gail": of_gail}[name]
+
+
+def train_alone(settings: PpoSettings) -> None:
+    """What the command does before the runs of 2000 s."""
+    folder = RunFolder.begin(settings.run, decisive(settings), "", settings.resume)
+    agents.ppo.train_driver(settings, folder, progress=False)
+
+
+def outcome(run: Path) -> tuple[str, bytes]:
+    """The checkpoint's hash and the metrics."""
+    return state_hash(torch.load(run / CHECKPOINT, weights_only=True)), (run / METRICS).read_bytes()
+
+
+def refused(main: Callable[[Any], int], settings: Any, capsys: pytest.CaptureFixture[str]) -> str:
+    """The error of a run that must not begin."""
+    assert main(settings) == 1
+    assert not settings.run.exists(), "a run that never began has a folder"
+    error = capsys.readouterr().err
+    assert error.startswith("error: ")
+    return error
+
+
+def cut_short(run: Path) -> bytes:
+    """Cuts the checkpoint in half; what is left."""
+    content = (run / CHECKPOINT).read_bytes()
+    (run / CHECKPOINT).write_bytes(content[: len(content) // 2])
+    return content[: len(content) // 2]
+
+
+def killed(main: Callable[[Any], int], settings: Any, kills: int = 3) -> None:
+    """Runs a training in processes of its own and kills each at a random moment after its first checkpoint.
+
+    The processes are forked off a server that has loaded the trainers, as loading takes longer than training.
+    """
+    context = multiprocessing.get_context("forkserver")
+    context.set_forkserver_preload(["tests.support.trainings"])
+    generator = np.random.default_rng()
+    checkpoint = settings.run / CHECKPOINT
+    for _ in range(kills):
+        before = checkpoint.stat().st_mtime_ns if checkpoint.exists() else 0
+        process = context.Process(target=main, args=(replace(settings, resume=True),))
+        process.start()
+        end = time.monotonic() + PATIENCE
+        while not checkpoint.exists() or checkpoint.stat().st_mtime_ns == before:
+            assert process.is_alive(), "the training ended before its first checkpoint"
+            assert time.monotonic() < end, "no checkpoint comes"
+            time.sleep(0.002)
+        time.sleep(float(generator.uniform(0.0, 0.1)))
+        process.kill()
+        process.join()
+        assert process.exitcode == -9, "the training was over before it was killed"
+
+
+@contextmanager
+def ctrl_c_after(epoch: int) -> Iterator[None]:
+    """Within it, Ctrl-C is pressed when the metrics of this epoch have been written."""
+    through = RunFolder.append
+
+    def press(self: RunFolder, row: Mapping[str, Any]) -> None:
+        through(self, row)
+        if row["epoch"] == epoch:
+            signal.raise_signal(signal.SIGINT)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(RunFolder, "append", press)
+        yield
+
+
+@contextmanager
+def full_disk(size: int) -> Iterator[None]:
+    """Within it, no file grows beyond so many bytes."""
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size, hard))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+
+
+@contextmanager
+def disk_full_from(epoch: int) -> Iterator[None]:
+    """Within it, no checkpoint of this epoch or a later one fits on the disk."""
+    through = RunFolder.save
+
+    def fill(self: RunFolder, state: Mapping[str, Any]) -> None:
+        if state["epoch"] < epoch:
+            return through(self, state)
+        with full_disk(8192):
+            return through(self, state)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(RunFolder, "save", fill)
+        yield
+
+
+def files(run: Path) -> set[str]:
+    """The names of what a run folder holds."""
+    return {path.name for path in run.iterdir()}
