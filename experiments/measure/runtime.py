@@ -24,7 +24,7 @@ from typing import Any
 import numpy as np
 from tqdm import tqdm
 
-from experiments.bench.environment_peers import in_own_process
+from experiments.bench.own_process import in_own_process
 from experiments.bench.predictor import CYCLE, SIZES
 from experiments.bench.stopwatch import reference_rate
 from experiments.bench.timed_traffic import random_traffics

@@ -6,20 +6,20 @@ python -m experiments.measure.runtime_libsumo
 from __future__ import annotations
 
 import importlib
-import json
 import sys
 import tempfile
 import time
 from pathlib import Path
 from typing import Any
 
-from experiments.bench.environment_peers import MAP, NOT_INSTALLED, drivers, keep_present, sumo_files
+from data.sumo import network as sumo_network
+from data.sumo.command import command_of, dense_traffic, keep_present, without_drivers
+from experiments.bench.own_process import print_row
 from experiments.bench.predictor import SIZES
 from experiments.bench.predictor_peers import SEARCHED
 from experiments.measure.runtime import Times, garbage_kept, model_row
 from intersection_env import _core
 from intersection_env.constants import DT
-from intersection_env.maps.source import MapSource
 
 SUMO_STATES, SUMO_SPACING, SUMO_REPEATS = 20, 2.0, 3  # a number of vehicles; [s] of one number's, at least; of each
 
@@ -27,15 +27,14 @@ SUMO_STATES, SUMO_SPACING, SUMO_REPEATS = 20, 2.0, 3  # a number of vehicles; [s
 def libsumo_times() -> dict[str, Any]:
     """50 steps of 0.2 s from states of libsumo's own traffic: restoring included, and the steps alone."""
     libsumo = importlib.import_module("libsumo")
-    source = MapSource.read(MAP)
+    source, network = sumo_network.read()
     begin, begin_of_work = time.perf_counter(), time.process_time()
     whole: Times = {size: [] for size in SIZES}
     alone: Times = {size: [] for size in SIZES}
     with tempfile.TemporaryDirectory() as folder, garbage_kept():
-        command = sumo_files(source, drivers(source, SEARCHED), Path(folder))
+        command = command_of(network, dense_traffic(source, SEARCHED), Path(folder))
         states = _libsumo_states(libsumo, command, Path(folder))
-        routes = command.index("-r")
-        libsumo.start(command[:routes] + command[routes + 2 :])  # nobody else enters
+        libsumo.start(without_drivers(command))
         for size, state in states * SUMO_REPEATS:
             started = time.perf_counter()
             libsumo.simulation.loadState(state)
@@ -72,12 +71,7 @@ def _libsumo_states(libsumo: Any, command: list[str], folder: Path) -> list[tupl
 
 def main() -> int:
     """Prints its times as JSON; returns the exit status."""
-    try:
-        print(json.dumps(libsumo_times()))
-    except ModuleNotFoundError as error:
-        print(error, file=sys.stderr)
-        return NOT_INSTALLED
-    return 0
+    return print_row(libsumo_times)
 
 
 if __name__ == "__main__":

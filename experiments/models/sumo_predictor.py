@@ -17,7 +17,7 @@ import argparse
 import importlib
 import tempfile
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import replace
@@ -29,13 +29,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from data.sumo import network as sumo_network
-from experiments.bench.environment_peers import MAP, sumo_files
+from data.sumo.command import command_of
 from experiments.models.from_trajectories import prediction_of_trajectories
 from intersection_env.constants import STEPS
 from intersection_env.evaluation.errors import evaluate
 from intersection_env.evaluation.moments import moments_of
 from intersection_env.maps.intersection import Intersection
-from intersection_env.maps.source import MapSource
 from intersection_env.prediction.predictor import Prediction, Predictor
 from intersection_env.scenes.scene import SPLITS
 from intersection_env.scenes.scenes import Scenes
@@ -54,10 +53,9 @@ class SumoPredictor:
     name = "sumo"
 
     def __init__(self) -> None:
-        """Prepares the network; SUMO moments_of with the context."""
-        self._source = MapSource.read(MAP)
-        self._intersection = Intersection.load(MAP.with_suffix(".map"))
-        self._arcs = sumo_network.build(self._source, MAP.with_suffix(".map").read_text(encoding="utf-8")).arcs
+        """Prepares the network; SUMO starts with the context."""
+        self._intersection = Intersection.load(sumo_network.MAP.with_suffix(".map"))
+        _, self._network = sumo_network.read()
 
     def __enter__(self) -> SumoPredictor:
         """Starts SUMO.
@@ -73,7 +71,7 @@ class SumoPredictor:
         if self._sumo.isLoaded():
             raise RuntimeError("libsumo is already running in this process, and there can be only one")
         self._folder = tempfile.TemporaryDirectory()
-        self._command = [*sumo_files(self._source, [], Path(self._folder.name)), "--collision.action", "none"]
+        self._command = [*command_of(self._network, [], Path(self._folder.name)), "--collision.action", "none"]
         self._sumo.start(self._command)
         return self
 
@@ -103,7 +101,7 @@ class SumoPredictor:
                 self._sumo.simulationStep()
             for id in vehicle.getIDList():
                 i = int(id)
-                begin, scale = self._arcs[routes[i], vehicle.getLaneID(id)]
+                begin, scale = self._network.arcs[routes[i], vehicle.getLaneID(id)]
                 position[step:, i] = begin + scale * vehicle.getLanePosition(id) - 0.5 * traffic.length[i]
                 speed[step:, i] = scale * vehicle.getSpeed(id)
                 present[step, i] = True
@@ -129,10 +127,18 @@ class SumoPredictor:
             vehicle.setWidth(id, float(traffic.width[i]))
             if is_bicycle:
                 vehicle.setMaxSpeed(id, float(traffic.max_speed[i]))
-            lanes = [(lane, *arc) for (of, lane), arc in self._arcs.items() if of == route.id and arc[0] <= front]
+            lanes = [
+                (lane, *arc) for (of, lane), arc in self._network.arcs.items() if of == route.id and arc[0] <= front
+            ]
             lane, begin, scale = lanes[-1]
             vehicle.moveTo(id, lane, (front - begin) / scale)
             vehicle.setPreviousSpeed(id, float(traffic.speed[i]) / scale, 0.0)
+
+    def _lanes_to(self, route: str, front: float) -> Iterator[tuple[str, tuple[float, float]]]:
+        """SUMO's lanes of a route in order, to where the front is; of each, begin on the route [m] and scale."""
+        for (of, lane), (begin, scale) in self._network.arcs.items():
+            if of == route and begin <= front:
+                yield lane, (begin, scale)
 
 
 class StoredPredictions:

@@ -13,6 +13,7 @@ from experiments.bench import doors as door_bench
 from experiments.bench import drivers as idm_driver
 from experiments.bench import environment_peers as peers
 from experiments.bench import environments as environment_bench
+from experiments.bench.own_process import NOT_INSTALLED
 from experiments.documentation.tables import environments_block
 from intersection_env import ClosedLoopWorlds, ReplayWorlds
 from intersection_env.features import Driving
@@ -100,7 +101,7 @@ def test_a_peer_that_is_missing_or_crashes_is_said_to_be_so(monkeypatch: pytest.
         done = subprocess.CompletedProcess([], status, said, "")
         monkeypatch.setattr(subprocess, "run", lambda *_, **__: done)
 
-    ends_with(peers.NOT_INSTALLED)
+    ends_with(NOT_INSTALLED)
     assert peers.peer_rates()[-1] == {"name": "libsumo on our Bendplatz", "missing": "not installed"}
     ends_with(-11)
     assert peers.peer_rates()[-1]["missing"] == "failed with exit status -11"
@@ -116,7 +117,7 @@ def test_a_module_that_is_not_there_is_told_by_the_exit_status(monkeypatch: pyte
     monkeypatch.setattr("sys.argv", ["peers", "libsumo on our Bendplatz"])
     with pytest.raises(SystemExit) as ended:
         peers.main()
-    assert ended.value.code == peers.NOT_INSTALLED
+    assert ended.value.code == NOT_INSTALLED
 
 
 def test_tables_show_every_rate_and_what_is_missing() -> None:

@@ -6,12 +6,11 @@ import gc
 import json
 from pathlib import Path
 from typing import Any
-from xml.etree import ElementTree
 
 import numpy as np
 import pytest
 
-from experiments.bench.environment_peers import NOT_INSTALLED, keep_present
+from experiments.bench.own_process import NOT_INSTALLED
 from experiments.bench.predictor import SIZES
 from experiments.measure import runtime, runtime_libsumo
 from experiments.measure.runtime import Options, main, milliseconds, random_scenes, runtime_results
@@ -117,16 +116,6 @@ def test_process_without_libsumo_says_so_by_its_exit_status(monkeypatch: pytest.
 
     monkeypatch.setattr(runtime_libsumo, "libsumo_times", missing)
     assert runtime_libsumo.main() == NOT_INSTALLED
-
-
-def test_state_of_libsumo_keeps_only_who_is_on_a_lane_and_their_types(tmp_path: Path) -> None:
-    state = tmp_path / "a.xml"
-    lane = '<lane id="L"><vehicles value="0 2"/></lane>'
-    cars = "".join(f'<vType id="t{k}"/>' for k in range(4)) + "".join(f'<vehicle id="{k}" type="t{k}"/>' for k in "012")
-    state.write_text(f"<snapshot>{cars}{lane}</snapshot>")
-    keep_present(state)
-    kept = [one.get("id") for one in ElementTree.parse(state).getroot()]
-    assert kept == ["t0", "t2", "0", "2", "L"]
 
 
 def test_figure_has_a_line_a_model_and_the_papers_point() -> None:
