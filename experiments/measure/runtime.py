@@ -9,7 +9,6 @@ does not. Machines are noisy: compare within one run.
 from __future__ import annotations
 
 import gc
-import importlib
 import os
 import sys
 import time
@@ -29,7 +28,7 @@ from experiments.bench.predictor import CYCLE, SIZES
 from experiments.bench.stopwatch import reference_rate
 from experiments.bench.timed_traffic import random_traffics
 from experiments.results_files import write_result
-from experiments.show.runtime import fits, plot, table
+from experiments.show.runtime import plot_runtimes, runtimes_text
 from intersection_env import Predictor, Traffic, _core
 from intersection_env.plots.files import write_figure
 from intersection_env.policies.file import PolicyFile
@@ -184,15 +183,38 @@ def model_row(times: Times, doing: str, scenarios: int = 1) -> dict[str, Any]:
     return {"vehicles": rows, "doing": doing}
 
 
+def fits(model: Mapping[str, Any]) -> dict[str, Any]:
+    """By statistic and kind of polynomial; medians as well, which others on the machine disturb less."""
+    found = {}
+    for statistic in ("mean", "median"):
+        times = {int(size): row[statistic] for size, row in model["vehicles"].items()}
+        found[statistic] = {kind: fit(times, degree) for degree, kind in ((1, "linear"), (2, "quadratic"))}
+    return found
+
+
+def fit(times: Mapping[int, float], degree: int) -> dict[str, Any]:
+    """The least-squares polynomial: its coefficients, the constant first, and what share of the variance it explains.
+
+    Args:
+        times: by number of vehicles.
+    """
+    sizes, values = np.array(list(times), float), np.array(list(times.values()))
+    coefficients = np.polynomial.polynomial.polyfit(sizes, values, degree)
+    rest = values - np.polynomial.polynomial.polyval(sizes, coefficients)
+    return {"coefficients": coefficients.tolist(), "explained": float(1.0 - rest.var() / values.var())}
+
+
 def torch_times(policy: PolicyFile, seed: int) -> dict[str, Any]:
     """The same model as plain torch operations, one scenario, of a few scenes and numbers of vehicles."""
-    torch = importlib.import_module("torch")
+    import torch
+
+    from imitation.torch_model import TorchPredictor
+
     torch.set_num_threads(1)
-    of_traffic = importlib.import_module("imitation.torch_model").TorchPredictor
     times: Times = {size: [] for size in TORCH_SIZES}
     for scene in random_scenes(TORCH_SCENES, seed):
         for size in TORCH_SIZES:
-            predictor = of_traffic(scene[size], policy)
+            predictor = TorchPredictor(scene[size], policy)
             assignment = torch.zeros((1, len(predictor.i)), dtype=torch.int8)
             times[size] += milliseconds([partial(predictor.predict, assignment)] * TORCH_REPEATS)
     return model_row(times, f"{TORCH_SCENES} scenes, {TORCH_REPEATS} times each")
@@ -202,13 +224,13 @@ def main(options: Options) -> int:
     """Times as told, prints the table, writes the results and the figure; returns the exit status."""
     try:
         results = runtime_results(options)
-        print(table(results))
+        print(runtimes_text(results))
         write_result(options.out / "runtime.json", results)
         if options.figure:
             from matplotlib import rc_context
 
             with rc_context({"pdf.fonttype": 42}):  # TrueType; publishers refuse matplotlib's default, Type 3
-                write_figure(plot(results), options.figure)
+                write_figure(plot_runtimes(results), options.figure)
     except (OSError, ValueError) as error:
         print(f"error: {error}", file=sys.stderr)
         return 1

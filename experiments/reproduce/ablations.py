@@ -27,6 +27,7 @@ from experiments.reproduce.stages import exit_status_of, run_trainings
 from experiments.reproduce.trainings import Trainings
 from experiments.reproduce.workspace import Job, Options
 from experiments.results_files import write_result
+from experiments.show.ablations import LEAD_MOMENTS, ablation_tables
 from imitation.gail import PROFILES as GAIL_PROFILES
 from imitation.replay_error import replay_error
 from imitation.torch_model import TorchPredictor
@@ -52,7 +53,6 @@ GAIL = {
 """Options of `imitation.gail`, where they are not the default ones; {gap} is the gap network's policy file."""
 DEFAULT_GAP, DEFAULT_GAIL = "gap network, nothing changed", "GAIL, nothing changed"
 IN_CORE, IN_TORCH, ACROSS = "in one's own lane", "the same, as plain torch operations", "who stands across the path too"
-LEAD_MOMENTS = 500
 
 
 class Ablations:
@@ -172,71 +172,13 @@ def ablate(options: Options) -> None:
     job = Job(options)
     Trainings(job).run()
     Ablations(job).run()
-    print(table(json.loads((options.out / "ablations.json").read_text(encoding="utf-8"))))
+    print(ablation_tables(json.loads((options.out / "ablations.json").read_text(encoding="utf-8"))))
 
 
 def main(options: Options) -> int:
     """Does what is not done yet; returns the exit status."""
     torch.set_num_threads(1)  # such small networks gain nothing from more
     return exit_status_of(lambda: ablate(options))
-
-
-def table(results: Mapping[str, Any]) -> str:
-    """All tables as Markdown."""
-    return "\n\n".join((gap_table(results["gap"]), gail_table(results["gail"]), lead_table(results["lead"])))
-
-
-def gap_table(rows: Mapping[str, Any]) -> str:
-    """Markdown of the gap networks."""
-    lines = ["| gap network | frames right, recorded [%] | all [%] | crossing order right [%] | RMSE [m] | MAD [m] |"]
-    lines.append("|---" * 6 + "|")
-    for name, row in rows.items():
-        frames = [f"{100.0 * row['frames'][foes]:.1f}" for foes in ("recorded", "all")]
-        order = _percent(row["order"])
-        cells = [*frames, order, *(_metres(row[key]) for key in ("distance_rmse", "distance_mad"))]
-        lines.append(f"| {name} | {' | '.join(cells)} |")
-    return "\n".join(lines)
-
-
-def gail_table(rows: Mapping[str, Any]) -> str:
-    """Markdown of the drivers."""
-    heads = (
-        "driver",
-        "alone: RMSE [m]",
-        "MAD [m]",
-        "collided [%]",
-        "line run [%]",
-        "all predicted: RMSE [m]",
-        "MAD [m]",
-        "best, last checkpoint [m]",
-    )
-    lines = [f"| {' | '.join(heads)} |", "|---" * len(heads) + "|"]
-    for name, row in rows.items():
-        alone = row["alone"]
-        cells = [f"{alone['rmse']:.1f}", f"{alone['mad']:.1f}"]
-        cells += [f"{100.0 * alone[key]:.1f}" for key in ("collisions", "line_runs")]
-        cells += [_metres(row[key]) for key in ("distance_rmse", "distance_mad")]
-        seen = row["checkpoints"]
-        cells.append("" if seen is None else f"{seen['best']:.1f}, {seen['last']:.1f}")
-        lines.append(f"| {name} | {' | '.join(cells)} |")
-    return "\n".join(lines)
-
-
-def lead_table(rows: Mapping[str, Any]) -> str:
-    """Markdown of who leads."""
-    lines = ["| whom to follow | crossing order right [%] | RMSE [m] | MAD [m] |", "|---" * 4 + "|"]
-    for name, row in rows.items():
-        cells = (_percent(row["order"]), *(_metres(row[key]) for key in ("distance_rmse", "distance_mad")))
-        lines.append(f"| {name} | {' | '.join(cells)} |")
-    return "\n".join(lines)
-
-
-def _metres(found: Mapping[str, float]) -> str:
-    return f"{found['value']:.1f} [{found['low']:.1f}, {found['high']:.1f}]"
-
-
-def _percent(found: Mapping[str, float]) -> str:
-    return f"{100.0 * found['value']:.1f} [{100.0 * found['low']:.1f}, {100.0 * found['high']:.1f}]"
 
 
 if __name__ == "__main__":

@@ -23,11 +23,9 @@ from experiments.reproduce.ablations import (
     GAIL,
     GAP,
     Ablations,
-    gail_table,
-    gap_table,
-    lead_table,
 )
 from experiments.reproduce.workspace import Job, Options
+from experiments.show.ablations import gail_table, gap_table, lead_table
 from imitation.gail import PROFILES as GAIL_PROFILES
 from intersection_env.evaluation import intervals
 from intersection_env.policies.named import gap_decider

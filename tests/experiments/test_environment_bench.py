@@ -14,7 +14,7 @@ from experiments.bench import drivers as idm_driver
 from experiments.bench import environment_peers as peers
 from experiments.bench import environments as environment_bench
 from experiments.bench.own_process import NOT_INSTALLED
-from experiments.documentation.tables import environments_block
+from experiments.show.environment_speed import environments_section
 from intersection_env import ClosedLoopWorlds, ReplayWorlds
 from intersection_env.features import Driving
 
@@ -123,7 +123,7 @@ def test_a_module_that_is_not_there_is_told_by_the_exit_status(monkeypatch: pyte
 def test_tables_show_every_rate_and_what_is_missing() -> None:
     rate = {"median": 31.26e6, "least": 1.0, "best": 4e7}
     slow = {"median": 53.0, "least": 1.0, "best": 4e7}
-    block = environments_block(
+    block = environments_section(
         {
             "worlds": [{"name": "loop", "rates": {"v3": rate, "v4": rate}, "ends_per_world_step": 0.0123}],
             "doors": [{"name": "door", "rate": {"median": 8.123e5}}],

@@ -32,6 +32,7 @@ from experiments.measure.runtime import runtime_results
 from experiments.measure.validation_run import closed_loop_results
 from experiments.report import report
 from experiments.report.headlines import Row, headlines
+from experiments.report.page import page
 from experiments.report.report import write_report
 from experiments.report.summary import MODELS, summary
 from experiments.results_files import RESULTS
@@ -356,7 +357,7 @@ def test_model_that_is_missing_is_said_and_left_out(results: Results, folder: Pa
     assert set(summary(results, ABOUT, SECONDS)["distance"]) == set(MODELS) - {"sumo"}
     assert set(summary(results, ABOUT, SECONDS)["time_loss"]) == set(MODELS) - {"sumo"}
     text = report.report(results, ABOUT, SECONDS)
-    for one in (text, report.page(text, folder)):
+    for one in (text, page(text, folder)):
         assert one.count("sumo: No module named 'sumo'.") == 2
         assert "libsumo: not installed" in one
     assert "| SUMO |" not in text

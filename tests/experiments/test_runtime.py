@@ -13,8 +13,8 @@ import pytest
 from experiments.bench.own_process import NOT_INSTALLED
 from experiments.bench.predictor import SIZES
 from experiments.measure import runtime, runtime_libsumo
-from experiments.measure.runtime import Options, main, milliseconds, random_scenes, runtime_results
-from experiments.show.runtime import LOOKS, fit, plot, table
+from experiments.measure.runtime import Options, fit, main, milliseconds, random_scenes, runtime_results
+from experiments.show.runtime import LOOKS, plot_runtimes, runtimes_text
 from intersection_env import _core
 from intersection_env.traffic import FLOAT_FIELDS
 
@@ -104,8 +104,8 @@ def test_missing_peer_is_reported_not_an_error(monkeypatch: pytest.MonkeyPatch) 
     monkeypatch.setattr(runtime, "in_own_process", lambda *_: {"missing": "not installed"})
     results = runtime_results(Options(scenes=1))
     assert all(results["models"][name] == {"missing": "not installed"} for name in LIBSUMO)
-    assert "libsumo: not installed" in table(results)
-    labels = [line.get_label() for line in plot(results).axes[0].lines]
+    assert "libsumo: not installed" in runtimes_text(results)
+    labels = [line.get_label() for line in plot_runtimes(results).axes[0].lines]
     assert len(labels) == len(LOOKS) - 2
     assert not any("libsumo" in str(label) for label in labels)
 
@@ -120,7 +120,7 @@ def test_process_without_libsumo_says_so_by_its_exit_status(monkeypatch: pytest.
 
 def test_figure_has_a_line_a_model_and_the_papers_point() -> None:
     results = runtime_results(Options(scenes=1))
-    figure = plot(results)
+    figure = plot_runtimes(results)
     (axes,) = figure.axes
     assert [line.get_label() for line in axes.lines] == [label.format(batch=64) for label, _, _ in LOOKS.values()]
     assert axes.get_yscale() == "log"
