@@ -25,7 +25,7 @@ from experiments.measure.horizon import horizon_results
 from experiments.models.lead_across import AcrossPredictor, TorchForecaster
 from experiments.reproduce.stages import exit_status_of, run_trainings
 from experiments.reproduce.trainings import Trainings
-from experiments.reproduce.workspace import Job, Options
+from experiments.reproduce.workspace import Options, Workspace
 from experiments.results_files import write_result
 from experiments.show.ablations import LEAD_MOMENTS, ablation_tables
 from imitation.gail import PROFILES as GAIL_PROFILES
@@ -58,25 +58,29 @@ IN_CORE, IN_TORCH, ACROSS = "in one's own lane", "the same, as plain torch opera
 class Ablations:
     """The stages of the ablations."""
 
-    def __init__(self, job: Job) -> None:
-        self.job = job
-        self.output = job.options.out / "ablations.json"
+    def __init__(self, workspace: Workspace) -> None:
+        self.workspace = workspace
+        self.output = workspace.options.out / "ablations.json"
 
     def run(self) -> None:
         """Trains each variant that has not been trained, and measures all."""
         changes = {"gap": GAP, "gail": GAIL}
-        options = self.job.options
+        options = self.workspace.options
         inputs = {"changes": changes, "effort": options.effort, "seeds": list(options.seeds)}
-        self.job.stage("ablations", ["gail"], self.output, self._all, **inputs)
+        self.workspace.stage("ablations", ["gail"], self.output, self._all, **inputs)
 
     def _all(self) -> None:
-        gap = {name: self.job.run_of(f"ablation_gap_{place}") for place, name in enumerate(GAP)}
-        gail = {name: self.job.run_of(f"ablation_gail_{place}") for place, name in enumerate(GAIL)}
-        scenes, policy, seed = str(self.job.scenes), str(self.job.policy("gap")), self.job.options.seeds[0]
+        gap = {name: self.workspace.run_of(f"ablation_gap_{place}") for place, name in enumerate(GAP)}
+        gail = {name: self.workspace.run_of(f"ablation_gail_{place}") for place, name in enumerate(GAIL)}
+        scenes, policy, seed = (
+            str(self.workspace.scenes),
+            str(self.workspace.policy("gap")),
+            self.workspace.options.seeds[0],
+        )
         commands = {gap[name]: ["agents.gap", "default", "--scenes", scenes, *options] for name, options in GAP.items()}
         self._train(commands, GAP_PROFILES["default"][1].epochs)
         common = ["imitation.gail", "default", "--scenes", scenes, "--decider", policy, "--seed", str(seed)]
-        start = ["--ppo", str(self.job.run_of(f"ppo_{seed}"))]
+        start = ["--ppo", str(self.workspace.run_of(f"ppo_{seed}"))]
         commands = {
             gail[name]: [*common, *([] if "--ppo" in options else start), *(one.format(gap=policy) for one in options)]
             for name, options in GAIL.items()
@@ -84,21 +88,23 @@ class Ablations:
         self._train(
             {run: [*command, "--threads", "1"] for run, command in commands.items()}, GAIL_PROFILES["default"][1].epochs
         )
-        gap = {DEFAULT_GAP: self.job.run_of("gap")} | gap
-        default = {f"{DEFAULT_GAIL}, seed {one}": self.job.run_of(f"gail_{one}") for one in self.job.options.seeds}
+        gap = {DEFAULT_GAP: self.workspace.run_of("gap")} | gap
+        default = {
+            f"{DEFAULT_GAIL}, seed {one}": self.workspace.run_of(f"gail_{one}") for one in self.workspace.options.seeds
+        }
         gail = default | gail
         content = {"gap": self._gaps(gap), "gail": self._drivers(gail), "lead": self._leads()}
         write_result(self.output, content)
 
     def _train(self, commands: Mapping[Path, list[str]], epochs: int) -> None:
-        wanted = max(1, round(self.job.options.effort * epochs))
+        wanted = max(1, round(self.workspace.options.effort * epochs))
         common = ["--epochs", str(wanted), "--resume"]
         trainings = {run: [*command, *common, "--run", str(run)] for run, command in commands.items()}
         run_trainings(trainings, wanted, os.cpu_count() or 1)
 
     def _gaps(self, runs: Mapping[str, Path]) -> dict[str, Any]:
         """Per variant: how often frames are decided rightly, and what comes of it with the calibrated IDM."""
-        idm = PolicyFile.read(self.job.policy("idm_calibrated"))
+        idm = PolicyFile.read(self.workspace.policy("idm_calibrated"))
         found = {}
         for name, run in runs.items():
             policy = PolicyFile.read(run / "gap.policy")
@@ -116,7 +122,9 @@ class Ablations:
         All are measured with the checkpoint that predicted best, so `last` [m] says what choosing it was worth: the
         error of the last one, beside the `best`, as the training saw them (root of the mean square over 2 to 10 s).
         """
-        policies = {"PPO alone, without GAIL": self.job.run_of(f"ppo_{self.job.options.seeds[0]}") / "ppo.policy"}
+        policies = {
+            "PPO alone, without GAIL": self.workspace.run_of(f"ppo_{self.workspace.options.seeds[0]}") / "ppo.policy"
+        }
         policies |= {name: run / "gail.policy" for name, run in runs.items()}
         found = {}
         for name, path in policies.items():
@@ -133,7 +141,7 @@ class Ablations:
 
     def _leads(self) -> dict[str, Any]:
         """With whom to follow changed, in predictions; no driver has been trained with it."""
-        policy = PolicyFile.read(self.job.policy("gail"))
+        policy = PolicyFile.read(self.workspace.policy("gail"))
         forecasters: tuple[Forecaster, ...] = (
             Predictor(policy, IN_CORE),
             TorchForecaster(IN_TORCH, policy, TorchPredictor),
@@ -150,7 +158,7 @@ class Ablations:
 
     @cached_property
     def _scenes(self) -> Scenes:
-        return Scenes.load(self.job.scenes)
+        return Scenes.load(self.workspace.scenes)
 
     @cached_property
     def _moments(self) -> list[Moment]:
@@ -169,9 +177,9 @@ def ablate(options: Options) -> None:
     Raises:
         StageFailedError, ValueError, OSError: as of `Trainings.run`.
     """
-    job = Job(options)
-    Trainings(job).run()
-    Ablations(job).run()
+    workspace = Workspace(options)
+    Trainings(workspace).run()
+    Ablations(workspace).run()
     print(ablation_tables(json.loads((options.out / "ablations.json").read_text(encoding="utf-8"))))
 
 

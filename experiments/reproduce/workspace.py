@@ -37,8 +37,8 @@ class Options:
     """Random scenes for each number of vehicles, in the runtime figure."""
 
 
-class Job:
-    """The stages done so far, with what each needs of those before it; the first one is "scenes".
+class Workspace:
+    """Where the stages lay down what they make, and what each needs of those before it; the first one is "scenes".
 
     Raises:
         ValueError: no seeds, no effort or no scenes to time.
