@@ -8,15 +8,12 @@ network is the project's, with its speeds in curves and its distances at which a
 SUMO plays at home: they were made by its models on this network, only with other drivers.
 
 libsumo crashes now and then, so `predictions` runs it in a process of its own.
-`python -m experiments.sumo_predictor` prints its errors beside the calibrated IDM's.
 """
 
 from __future__ import annotations
 
-import argparse
 import importlib
 import tempfile
-import time
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
@@ -32,12 +29,8 @@ from data.sumo import network as sumo_network
 from data.sumo.command import command_of
 from experiments.models.from_trajectories import prediction_of_trajectories
 from intersection_env.constants import STEPS
-from intersection_env.evaluation.errors import evaluate
-from intersection_env.evaluation.moments import moments_of
 from intersection_env.maps.intersection import Intersection
-from intersection_env.prediction.predictor import Prediction, Predictor
-from intersection_env.scenes.scene import SPLITS
-from intersection_env.scenes.scenes import Scenes
+from intersection_env.prediction.predictor import Prediction
 from intersection_env.traffic import Traffic
 
 CHUNK = 100  # traffics that are done again after a crash
@@ -188,17 +181,3 @@ def predictions(traffics: Sequence[Traffic]) -> StoredPredictions:
 def _predict(traffics: Sequence[Traffic]) -> list[Prediction]:
     with SumoPredictor() as predictor:
         return [predictor.predict(one) for one in traffics]
-
-
-def main() -> None:
-    """Prints the errors."""
-    parser = argparse.ArgumentParser(prog="python -m experiments.sumo_predictor", description=__doc__)
-    parser.add_argument("--scenes", default="bendplatz", help="scenes that ship, or a scenes file")
-    parser.add_argument("--split", default="development", choices=SPLITS)
-    options = parser.parse_args()
-    moments, _ = moments_of(Scenes.load(options.scenes).select(options.split))
-    begin = time.perf_counter()
-    sumo = predictions([one.traffic for one in moments])
-    print(f"{len(moments)} moments, {(time.perf_counter() - begin) / len(moments) * 1e3:.1f} ms each by SUMO")
-    for one in (sumo, Predictor.load("idm_calibrated")):
-        print(evaluate(one, moments).round(2).to_string(index=False))
