@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import importlib
 import tempfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import replace
@@ -120,18 +120,15 @@ class SumoPredictor:
             vehicle.setWidth(id, float(traffic.width[i]))
             if is_bicycle:
                 vehicle.setMaxSpeed(id, float(traffic.max_speed[i]))
-            lanes = [
-                (lane, *arc) for (of, lane), arc in self._network.arcs.items() if of == route.id and arc[0] <= front
-            ]
-            lane, begin, scale = lanes[-1]
+            lane, begin, scale = self._lane_at(route.id, front)
             vehicle.moveTo(id, lane, (front - begin) / scale)
             vehicle.setPreviousSpeed(id, float(traffic.speed[i]) / scale, 0.0)
 
-    def _lanes_to(self, route: str, front: float) -> Iterator[tuple[str, tuple[float, float]]]:
-        """SUMO's lanes of a route in order, to where the front is; of each, begin on the route [m] and scale."""
-        for (of, lane), (begin, scale) in self._network.arcs.items():
-            if of == route and begin <= front:
-                yield lane, (begin, scale)
+    def _lane_at(self, route: str, front: float) -> tuple[str, float, float]:
+        """SUMO's lane where a front is on a route; where the lane begins [m], and metres of route per metre of it."""
+        arcs = self._network.arcs.items()
+        reached = [(lane, begin, scale) for (of, lane), (begin, scale) in arcs if of == route and begin <= front]
+        return reached[-1]
 
 
 class StoredPredictions:
