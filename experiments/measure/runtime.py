@@ -35,7 +35,7 @@ from intersection_env.policies.file import PolicyFile
 from intersection_env.traffic import FLOAT_FIELDS
 
 BATCH = 64  # scenarios a call
-BLOCK, WARM_UP = 100, 5  # scenes between one case's turns; calls before each turn that do not count
+TURN, WARM_UP = 100, 5  # scenes of one case's turn; calls before each turn that do not count
 TORCH_SIZES, TORCH_SCENES, TORCH_REPEATS = (2, 5, 10, 15), 10, 3
 PAPER = {"vehicles": 15, "ms": 3.5, "maneuvers_per_cycle": 50, "core": "AMD Ryzen 7 3700X"}
 """An upper bound of one prediction's time and a lower one of what fits in a cycle. Source: paper, Section IV-C.3."""
@@ -122,21 +122,21 @@ def _batch(predictor: Predictor) -> Case:
 def core_times(cases: Mapping[str, Case], options: Options) -> dict[str, Any]:
     """Each case's times, the mean number of pairs by number of vehicles, and how much of a core there was.
 
-    Cases and numbers take turns, a block of scenes each, so that a machine that slows down slows all of them alike.
+    Cases and numbers take turns, so many scenes each, so that a machine that slows down slows all of them alike.
     """
     taken: dict[str, Times] = {name: {size: [] for size in SIZES} for name in cases}
     pairs, wall, work = dict.fromkeys(SIZES, 0), 0.0, 0.0
     scenes = random_scenes(options.scenes, options.seed)
     with tqdm(total=options.scenes, desc="runtime", unit="scene", disable=None) as bar:
-        while block := list(islice(scenes, BLOCK)):
+        while turn := list(islice(scenes, TURN)):
             begin, begin_of_work = time.perf_counter(), time.process_time()
             for size in SIZES:
-                traffics = [scene[size] for scene in block]
+                traffics = [scene[size] for scene in turn]
                 pairs[size] += sum(len(traffic.conflicts) for traffic in traffics)
                 for name, case in cases.items():
                     taken[name][size] += milliseconds([case(traffic) for traffic in traffics])
             wall, work = wall + time.perf_counter() - begin, work + time.process_time() - begin_of_work
-            bar.update(len(block))
+            bar.update(len(turn))
     models = {
         name: model_row(times, "one call a scene", BATCH if name.endswith("batch") else 1)
         for name, times in taken.items()

@@ -20,9 +20,16 @@ from intersection_env.features import Driving
 
 
 def observation(**seen: float) -> np.ndarray[Any, np.dtype[np.float32]]:
-    values = {"to_line": 50.0, "speed": 5.0, "limit": 13.0, "to_lead": 100.0, "lead_speed": 27.8, "enters": 1.0} | seen
     row = np.zeros(12, np.float32)
-    row[[0, 1, 2, 9, 10, 11]] = list(values.values())
+    for column, value in {
+        Driving.DISTANCE_TO_STOP_LINE: seen.get("to_line", 50.0),
+        Driving.SPEED: seen.get("speed", 5.0),
+        Driving.V_MAX: 13.0,
+        Driving.LEAD_DISTANCE: seen.get("to_lead", 100.0),
+        Driving.LEAD_SPEED: seen.get("lead_speed", 27.8),
+        Driving.ENTERS: seen.get("enters", 1.0),
+    }.items():
+        row[column] = value
     return row
 
 
@@ -88,7 +95,7 @@ def test_rollouts_and_doors_are_counted_in_agent_steps(monkeypatch: pytest.Monke
     run, ends = environment_bench.rollout_run(ClosedLoopWorlds(worlds=16, vehicles=4), network)
     assert run()[0] >= 16 * 4 * environment_bench.ROLLOUT_STEPS
     assert 0.0 <= ends < 0.5
-    assert [door_bench.parallel_run(20)()[0], door_bench.vector_run(20)()[0], door_bench.single_run(20)()[0]] == [
+    assert [door_bench.parallel_env_run(20)()[0], door_bench.make_vec_run(20)()[0], door_bench.make_run(20)()[0]] == [
         20 * 12,
         20 * 64,
         20,

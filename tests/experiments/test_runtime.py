@@ -29,7 +29,7 @@ def small(monkeypatch: pytest.MonkeyPatch) -> None:
     theirs = {name: ROW | {"doing": "its own"} for name in LIBSUMO}
     monkeypatch.setattr(runtime, "in_own_process", lambda *_: theirs)
     monkeypatch.setattr(runtime, "reference_rate", lambda: {"median": 80.0, "least": 79.0, "best": 81.0})
-    for name, value in {"BLOCK": 2, "WARM_UP": 1, "TORCH_SIZES": (2, 4), "TORCH_SCENES": 1, "TORCH_REPEATS": 1}.items():
+    for name, value in {"TURN": 2, "WARM_UP": 1, "TORCH_SIZES": (2, 4), "TORCH_SCENES": 1, "TORCH_REPEATS": 1}.items():
         monkeypatch.setattr(runtime, name, value)
 
 
