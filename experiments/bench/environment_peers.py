@@ -41,7 +41,7 @@ def peer_rates() -> list[dict[str, Any]]:
     """A row a peer: name, unit, rate (median, least, best) and what it was doing; or why it is missing."""
     rows = []
     for name in PEERS:
-        row = {"name": name} | in_own_process("experiments.bench.environment_peers", name)
+        row = {"name": name} | in_own_process(__name__, name)
         said = row.get("missing") or f"{row['rate']['median']:,.0f} (best {row['rate']['best']:,.0f}) {row['unit']}"
         print(f"{name}: {said}", flush=True)
         rows.append(row)

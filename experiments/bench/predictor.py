@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from experiments.bench.predictor_flips import flip_rates
 from experiments.bench.predictor_peers import predictor_peer_times
+from experiments.bench.stopwatch import core_watch, spread
 from experiments.bench.timed_traffic import arithmetic, both_networks, rules, traffic, traffic_with_orders
 from intersection_env import Predictor, Traffic, _core, rank_maneuvers
 
@@ -41,9 +42,9 @@ def predictor_times(quick: bool = False) -> dict[str, Any]:
     for isa in _core.available_kernels():  # its arithmetic right beside its cases
         works |= {(what, isa): _arithmetic(what, isa) for what in ("fma", "tanh")}
         works |= {(isa, row, n): _case(scene, isa, row, n) for row, n in _rows()}
-    begin, begin_of_work = time.perf_counter(), time.process_time()
+    core_share = core_watch()
     found = in_turns(works, rounds)
-    results["core_share"] = (time.process_time() - begin_of_work) / (time.perf_counter() - begin)
+    results["core_share"] = core_share()
     results |= _floors(found) | _times(found)
     _print(results)
     results |= _on_all_cores(scene, rounds)
@@ -62,11 +63,6 @@ def in_turns(works: Mapping[Key, Callable[[], float]], rounds: int) -> dict[Key,
         for key, work in works.items():
             taken[key].append(work())
     return {key: spread(values) for key, values in taken.items()}
-
-
-def spread(values: list[float]) -> Spread:
-    """Their median, the most and the least, which is the best."""
-    return {"median": float(np.median(values)), "most": max(values), "best": min(values)}
 
 
 def _arithmetic(what: str, isa: str) -> Callable[[], float]:

@@ -19,6 +19,7 @@ import numpy as np
 from data.sumo import network as sumo_network
 from data.sumo.command import command_of, dense_traffic, keep_present, without_drivers
 from experiments.bench.own_process import in_own_process, print_row
+from experiments.bench.stopwatch import core_watch, spread
 from experiments.bench.timed_traffic import VEHICLES, both_networks, traffic
 from intersection_env import _core
 from intersection_env.constants import DT
@@ -30,7 +31,7 @@ SEARCHED = 600.0  # [s] of libsumo's traffic, in which 15 vehicles are found
 
 def predictor_peer_times() -> dict[str, dict[str, Any]]:
     """By peer: microseconds a scenario (median, least, best) and what it did; or why it is missing. Prints them."""
-    rows = {name: in_own_process("experiments.bench.predictor_peers", name) for name in PEERS}
+    rows = {name: in_own_process(__name__, name) for name in PEERS}
     for name, row in rows.items():
         said = row.get("missing") or f"{row['us']['median']:,.1f} (best {row['us']['best']:,.1f}) µs; {row['doing']}"
         print(f"{name}: {said}", flush=True)
@@ -47,7 +48,7 @@ def microseconds(work: Callable[[], object], scenarios: int) -> dict[str, float]
             work()
             calls += 1
         times.append((time.perf_counter() - begin) / calls / scenarios * 1e6)
-    return {"median": float(np.median(times)), "most": max(times), "best": min(times)}
+    return spread(times)
 
 
 def torch_run(scenarios: int) -> dict[str, Any]:
@@ -159,7 +160,7 @@ def _libsumo_times(restore: Callable[[], None], step: Callable[[], None], restor
             begin = time.perf_counter()
         step()
         times.append((time.perf_counter() - begin) * 1e6)
-    return {"median": float(np.median(times)), "most": max(times), "best": min(times)}
+    return spread(times)
 
 
 PEERS: dict[str, Callable[[], dict[str, Any]]] = {
@@ -175,9 +176,9 @@ PEERS: dict[str, Callable[[], dict[str, Any]]] = {
 
 def timed(peer: Callable[[], dict[str, Any]]) -> dict[str, Any]:
     """The peer's row, and how much of a core it had."""
-    begin, begin_of_work = time.perf_counter(), time.process_time()
+    core_share = core_watch()
     row = peer()
-    return row | {"core_share": (time.process_time() - begin_of_work) / (time.perf_counter() - begin)}
+    return row | {"core_share": core_share()}
 
 
 def main() -> None:

@@ -17,6 +17,7 @@ from data.sumo.command import command_of, dense_traffic, keep_present, without_d
 from experiments.bench.own_process import print_row
 from experiments.bench.predictor import SIZES
 from experiments.bench.predictor_peers import SEARCHED
+from experiments.bench.stopwatch import core_watch
 from experiments.measure.runtime import Times, garbage_kept, model_row
 from intersection_env import _core
 from intersection_env.constants import DT
@@ -28,7 +29,7 @@ def libsumo_times() -> dict[str, Any]:
     """50 steps of 0.2 s from states of libsumo's own traffic: restoring included, and the steps alone."""
     libsumo = importlib.import_module("libsumo")
     source, network = sumo_network.read()
-    begin, begin_of_work = time.perf_counter(), time.process_time()
+    core_share = core_watch()
     whole: Times = {size: [] for size in SIZES}
     alone: Times = {size: [] for size in SIZES}
     with tempfile.TemporaryDirectory() as folder, garbage_kept():
@@ -45,7 +46,7 @@ def libsumo_times() -> dict[str, Any]:
             whole[size].append(1e3 * (done - started))
             alone[size].append(1e3 * (done - restored))
         libsumo.close()
-    share = (time.process_time() - begin_of_work) / (time.perf_counter() - begin)
+    share = core_share()
     doing = f"{SUMO_REPEATS} times each of up to {SUMO_STATES} states; {_core.STEPS} steps of {DT} s"
     whole_row = model_row(whole, f"{doing}, restoring included") | {"core_share": share}
     return {"libsumo": whole_row, "libsumo, steps alone": model_row(alone, doing) | {"core_share": share}}
