@@ -41,9 +41,9 @@ from intersection_env import Intersection, Predictor
 from intersection_env.evaluation import intervals
 from intersection_env.evaluation.moments import contested, moments_of, thinned
 from intersection_env.policies.named import gap_decider
-from tests.experiments.test_crossing_order import first, nobody_moves, pair, recordings_replayed
-from tests.experiments.test_horizon import made
-from tests.experiments.test_maneuver_gain import scenes_of
+from tests.experiments.measure.test_crossing_order import first, nobody_moves, pair, recordings_replayed
+from tests.experiments.measure.test_horizon import made
+from tests.experiments.measure.test_maneuver_gain import scenes_of
 
 Results = dict[str, Any]
 ALL = (*MODELS, "idm_critical_gap", "gail_0", "ppo_0")
