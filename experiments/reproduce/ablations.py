@@ -60,44 +60,48 @@ class Ablations:
 
     def __init__(self, workspace: Workspace) -> None:
         self.workspace = workspace
+        self.options = workspace.options
         self.output = workspace.options.out / "ablations.json"
 
     def run(self) -> None:
         """Trains each variant that has not been trained, and measures all."""
-        changes = {"gap": GAP, "gail": GAIL}
-        options = self.workspace.options
-        inputs = {"changes": changes, "effort": options.effort, "seeds": list(options.seeds)}
+        inputs = {
+            "changes": {"gap": GAP, "gail": GAIL},
+            "effort": self.options.effort,
+            "seeds": list(self.options.seeds),
+        }
         self.workspace.stage("ablations", ["gail"], self.output, self._all, **inputs)
 
     def _all(self) -> None:
-        gap = {name: self.workspace.run_of(f"ablation_gap_{place}") for place, name in enumerate(GAP)}
-        gail = {name: self.workspace.run_of(f"ablation_gail_{place}") for place, name in enumerate(GAIL)}
-        scenes, policy, seed = (
-            str(self.workspace.scenes),
-            str(self.workspace.policy("gap")),
-            self.workspace.options.seeds[0],
-        )
-        commands = {gap[name]: ["agents.gap", "default", "--scenes", scenes, *options] for name, options in GAP.items()}
-        self._train(commands, GAP_PROFILES["default"][1].epochs)
-        common = ["imitation.gail", "default", "--scenes", scenes, "--decider", policy, "--seed", str(seed)]
-        start = ["--ppo", str(self.workspace.run_of(f"ppo_{seed}"))]
-        commands = {
-            gail[name]: [*common, *([] if "--ppo" in options else start), *(one.format(gap=policy) for one in options)]
-            for name, options in GAIL.items()
-        }
-        self._train(
-            {run: [*command, "--threads", "1"] for run, command in commands.items()}, GAIL_PROFILES["default"][1].epochs
-        )
-        gap = {DEFAULT_GAP: self.workspace.run_of("gap")} | gap
-        default = {
-            f"{DEFAULT_GAIL}, seed {one}": self.workspace.run_of(f"gail_{one}") for one in self.workspace.options.seeds
-        }
-        gail = default | gail
+        gap, gail = self._trained_gaps(), self._trained_drivers()
         content = {"gap": self._gaps(gap), "gail": self._drivers(gail), "lead": self._leads()}
         write_result(self.output, content)
 
+    def _trained_gaps(self) -> dict[str, Path]:
+        """The run of each gap network, the one with nothing changed first."""
+        runs = {name: self.workspace.run_of(f"ablation_gap_{place}") for place, name in enumerate(GAP)}
+        common = ["agents.gap", "default", "--scenes", str(self.workspace.scenes)]
+        commands = {runs[name]: [*common, *changed] for name, changed in GAP.items()}
+        self._train(commands, GAP_PROFILES["default"][1].epochs)
+        return {DEFAULT_GAP: self.workspace.run_of("gap")} | runs
+
+    def _trained_drivers(self) -> dict[str, Path]:
+        """The run of each driver, those with nothing changed first, with every seed."""
+        runs = {name: self.workspace.run_of(f"ablation_gail_{place}") for place, name in enumerate(GAIL)}
+        gap, (seed, *_) = str(self.workspace.policy("gap")), self.options.seeds
+        common = ["imitation.gail", "default", "--scenes", str(self.workspace.scenes)]
+        common += ["--decider", gap, "--seed", str(seed)]
+        start = ["--ppo", str(self.workspace.run_of(f"ppo_{seed}"))]
+        commands = {}
+        for name, changed in GAIL.items():
+            from_ppo = [] if "--ppo" in changed else start
+            commands[runs[name]] = [*common, *from_ppo, *(one.format(gap=gap) for one in changed), "--threads", "1"]
+        self._train(commands, GAIL_PROFILES["default"][1].epochs)
+        unchanged = {f"{DEFAULT_GAIL}, seed {one}": self.workspace.run_of(f"gail_{one}") for one in self.options.seeds}
+        return unchanged | runs
+
     def _train(self, commands: Mapping[Path, list[str]], epochs: int) -> None:
-        wanted = max(1, round(self.workspace.options.effort * epochs))
+        wanted = self.workspace.epochs(epochs)
         common = ["--epochs", str(wanted), "--resume"]
         trainings = {run: [*command, *common, "--run", str(run)] for run, command in commands.items()}
         run_trainings(trainings, wanted, os.cpu_count() or 1)
@@ -122,9 +126,8 @@ class Ablations:
         All are measured with the checkpoint that predicted best, so `last` [m] says what choosing it was worth: the
         error of the last one, beside the `best`, as the training saw them (root of the mean square over 2 to 10 s).
         """
-        policies = {
-            "PPO alone, without GAIL": self.workspace.run_of(f"ppo_{self.workspace.options.seeds[0]}") / "ppo.policy"
-        }
+        start = self.workspace.run_of(f"ppo_{self.options.seeds[0]}")
+        policies = {"PPO alone, without GAIL": start / "ppo.policy"}
         policies |= {name: run / "gail.policy" for name, run in runs.items()}
         found = {}
         for name, path in policies.items():

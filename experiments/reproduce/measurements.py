@@ -86,18 +86,8 @@ class Measurements:
         self._write(f"order_{split}", {"split": split, **results})
 
     def _gap_accuracy(self, split: str) -> None:
-        policy, out = str(self.workspace.policy("gap")), str(self.options.out)
-        run_module(
-            "experiments.gap",
-            "--scenes",
-            str(self.workspace.scenes),
-            "--policy",
-            policy,
-            "--split",
-            split,
-            "--out",
-            out,
-        )
+        arguments = ["--scenes", str(self.workspace.scenes), "--policy", str(self.workspace.policy("gap"))]
+        run_module("experiments.gap", *arguments, "--split", split, "--out", str(self.options.out))
 
     def _replay(self) -> None:
         scenes = Scenes.load(self.workspace.scenes)

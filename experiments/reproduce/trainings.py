@@ -48,21 +48,12 @@ class Trainings:
             raise ValueError(f'--map is "{options.map}"; wanted one that ships: {shipped}')
         hashes = {path.name: file_hash(path) for path in sorted(options.recordings.glob("*")) if path.is_file()}
         stage, policy, effort = self.workspace.stage, self.workspace.policy, options.effort
-        stage(
-            "scenes",
-            [],
-            self.workspace.scenes,
-            self._scenes,
-            recordings=hashes,
-            map=Intersection.load(options.map).checksum,
-        )
+        checksum = Intersection.load(options.map).checksum
+        stage("scenes", [], self.workspace.scenes, self._scenes, recordings=hashes, map=checksum)
         stage("gap", ["scenes"], policy("gap"), self._gap, effort=effort)
         stage("idm", ["gap"], policy("idm_calibrated"), self._idm, effort=effort)
         stage("ppo", ["gap"], policy("ppo"), self._ppo, seeds=seeds, effort=effort)
         stage("gail", ["ppo"], policy("gail"), self._gail, effort=effort)
-
-    def _epochs(self, whole: int) -> str:
-        return str(max(1, round(self.options.effort * whole)))
 
     def _scenes(self) -> None:
         intersection = Intersection.load(self.options.map)
@@ -74,14 +65,15 @@ class Trainings:
         scenes.save(self.workspace.scenes)
 
     def _gap(self) -> None:
-        run, epochs = self.workspace.run_of("gap"), self._epochs(GAP_PROFILES["default"][1].epochs)
-        arguments = ["--scenes", str(self.workspace.scenes), "--run", str(run), "--epochs", epochs]
+        run, epochs = self.workspace.run_of("gap"), self.workspace.epochs(GAP_PROFILES["default"][1].epochs)
+        arguments = ["--scenes", str(self.workspace.scenes), "--run", str(run), "--epochs", str(epochs)]
         run_module("agents.gap", "default", *arguments, "--resume")
         self._keep(run / "gap.policy", "gap")
 
     def _idm(self) -> None:
         arguments = ["--scenes", str(self.workspace.scenes), "--gap", str(self.workspace.policy("gap"))]
-        arguments += ["--rounds", self._epochs(ROUNDS), "--out", str(self.workspace.policy("idm_calibrated"))]
+        arguments += ["--rounds", str(self.workspace.epochs(ROUNDS))]
+        arguments += ["--out", str(self.workspace.policy("idm_calibrated"))]
         run_module("agents.idm", *arguments)
 
     def _ppo(self) -> None:
@@ -106,14 +98,14 @@ class Trainings:
 
     def _seeds(self, name: str, epochs: int, command: Callable[[int], list[str]]) -> None:
         """Trains a driver with each seed, as many at a time as there are cores."""
-        cores, wanted = os.cpu_count() or 1, self._epochs(epochs)
+        cores, wanted = os.cpu_count() or 1, self.workspace.epochs(epochs)
         at_once = min(cores, len(self.options.seeds))
         trainings = {}
         for seed in self.options.seeds:
             run = self.workspace.run_of(f"{name}_{seed}")
-            arguments = ["--seed", str(seed), "--run", str(run), "--epochs", wanted]
+            arguments = ["--seed", str(seed), "--run", str(run), "--epochs", str(wanted)]
             trainings[run] = [*command(seed), *arguments, "--threads", str(cores // at_once), "--resume"]
-        run_trainings(trainings, int(wanted), at_once)
+        run_trainings(trainings, wanted, at_once)
         for run in trainings:
             self._keep(run / f"{name}.policy", run.name)
 

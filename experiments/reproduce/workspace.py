@@ -65,6 +65,10 @@ class Workspace:
         """The scenes file."""
         return self.options.work / "scenes.npz"
 
+    def epochs(self, whole: int) -> int:
+        """How many of a whole training's epochs a training lasts here."""
+        return max(1, round(self.options.effort * whole))
+
     def run_of(self, name: str) -> Path:
         """Where a training keeps what it needs to go on; a folder apart for other scenes, or another effort.
 
