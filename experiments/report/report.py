@@ -100,7 +100,8 @@ def _introduction(about: Json, seconds: Mapping[str, float]) -> str:
         f"`make reproduce`: {about['hours']:.1f} h of {about['name']} recordings, {count['train']} to learn from,"
         f" {count['development']} to choose by, {count['validation']} for this report.{simulated} Intervals hold"
         " 95 % of resamples of the validation recordings; differences and ratios are taken within each resample."
-        " What each figure means, and how the paper was read where it is silent, is in `experiments/README.md`."
+        " What each figure means is in `experiments/README.md`, how the paper was read where it is silent in"
+        " `docs/model.md`."
         f" All stages took {sum(seconds.values()) / 60.0:.0f} min."
     )
 
