@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
 
 from agents.gap.baselines import EVEN, Floats
 from agents.gap.samples import GapSamples, Kinematics
@@ -51,9 +52,14 @@ def typical_distances(samples: GapSamples, speed: float, merging: bool) -> tuple
 def acceptance(network: GapNetwork, speed: float, to_pga: float) -> Floats:
     """(gap,) how probable it is that one foe at 50 km/h, `GAPS` away from its stop line, is not waited for."""
     rows = np.stack(np.broadcast_arrays(to_pga, speed, GAPS * FOE_SPEED, FOE_SPEED), axis=1).astype(np.float32)
+    return chances(network, rows)
+
+
+def chances(network: GapNetwork, features: NDArray[np.float32]) -> Floats:
+    """(pair,) how probable the network finds it that each foe's gap is accepted; features (pair, `Gap`)."""
     with torch.no_grad():
-        chance: Floats = torch.sigmoid(network(torch.from_numpy(rows)).double()).numpy()
-    return chance
+        found: Floats = torch.sigmoid(network(torch.from_numpy(features)).double()).numpy()
+    return found
 
 
 def critical_gap(chance: Floats) -> float | None:

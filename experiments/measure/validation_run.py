@@ -76,7 +76,7 @@ def closed_loop_results(
         ValueError: a policy has no driving network.
     """
     drivers: dict[str, Any] = {}
-    accelerations = {"recorded": _spread(np.histogram(recorded, EDGES)[0], np.quantile(recorded, QUANTILES))}
+    accelerations = {"recorded": _spread(recorded)}
     with tqdm(total=len(predictors) * len(gaps), desc="closed loop", disable=None) as bar:
         for predictor in predictors:
             policy = driving_network(predictor.policy)
@@ -90,10 +90,8 @@ def closed_loop_results(
                 once = validation_run(policy, gap=gap, seed=SEED, vehicles=VEHICLES)
                 longer = validation_run(policy, gap=gap, seed=SEED, vehicles=VEHICLES, worlds=worlds, watch=watch)
                 drivers[predictor.name][name] = dataclasses.asdict(once) | {"longer": _longer(longer)}
-                if not accelerations.get(predictor.name):
-                    values = np.concatenate(seen)
-                    spread = _spread(np.histogram(values, EDGES)[0], np.quantile(values, QUANTILES))
-                    accelerations[predictor.name] = spread
+                if predictor.name not in accelerations:
+                    accelerations[predictor.name] = _spread(np.concatenate(seen))
                 bar.update()
     return {"drivers": drivers, "quantiles": QUANTILES, "edges": EDGES.round(3).tolist(), "acceleration": accelerations}
 
@@ -115,9 +113,10 @@ def poisson_interval(count: int) -> tuple[float, float]:
     return low, 0.5 * float(chi2.ppf(1.0 - tail, 2 * count + 2))
 
 
-def _spread(counts: NDArray[np.int64], quantiles: NDArray[np.floating]) -> dict[str, list[float]]:
-    share = counts / counts.sum()
-    return {"quantiles": quantiles.round(3).tolist(), "histogram": share.round(6).tolist()}
+def _spread(acceleration: NDArray[np.floating]) -> dict[str, list[float]]:
+    counts, _ = np.histogram(acceleration, EDGES)
+    quantiles = np.quantile(acceleration, QUANTILES).round(3)
+    return {"quantiles": quantiles.tolist(), "histogram": (counts / counts.sum()).round(6).tolist()}
 
 
 def main(options: Options) -> int:
