@@ -8,12 +8,10 @@ does not. Machines are noisy: compare within one run.
 
 from __future__ import annotations
 
-import gc
 import os
 import sys
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import partial
 from itertools import islice
@@ -27,6 +25,8 @@ from experiments.bench.own_process import in_own_process
 from experiments.bench.predictor import CYCLE, SIZES
 from experiments.bench.stopwatch import reference_rate
 from experiments.bench.timed_traffic import random_traffics
+from experiments.measure import runtime_libsumo
+from experiments.measure.timed_calls import Times, milliseconds, model_row
 from experiments.results_files import write_result
 from experiments.show.runtime import plot_runtimes, runtimes_text
 from intersection_env import Predictor, Traffic, _core
@@ -35,15 +35,13 @@ from intersection_env.policies.file import PolicyFile
 from intersection_env.traffic import FLOAT_FIELDS
 
 BATCH = 64  # scenarios a call
-TURN, WARM_UP = 100, 5  # scenes of one case's turn; calls before each turn that do not count
+TURN = 100  # scenes, of one case
 TORCH_SIZES, TORCH_SCENES, TORCH_REPEATS = (2, 5, 10, 15), 10, 3
 PAPER = {"vehicles": 15, "ms": 3.5, "maneuvers_per_cycle": 50, "core": "AMD Ryzen 7 3700X"}
 """An upper bound of one prediction's time and a lower one of what fits in a cycle. Source: paper, Section IV-C.3."""
 
 Case = Callable[[Traffic], Callable[[], object]]
 """For a traffic, the call that is timed."""
-Times = dict[int, list[float]]
-"""By number of vehicles [ms]."""
 
 
 @dataclass(frozen=True)
@@ -80,7 +78,7 @@ def runtime_results(options: Options) -> dict[str, Any]:
     results |= {"steps": _core.STEPS, "cores": os.cpu_count(), "isa": _core.kernel_name()} | core_times(cases, options)
     results["reference_gflops"] = [*reference, reference_rate()]
     models = results["models"]
-    libsumo = in_own_process("experiments.measure.runtime_libsumo", "libsumo")
+    libsumo = in_own_process(runtime_libsumo.__name__, "libsumo")
     models |= {name: libsumo.get(name, libsumo) for name in ("libsumo", "libsumo, steps alone")}  # or why it is missing
     models["torch"] = torch_times(ours.policy, options.seed)
     results["fits"] = {name: fits(models[name]) for name in ("ours", "ours, batch")}
@@ -143,44 +141,6 @@ def core_times(cases: Mapping[str, Case], options: Options) -> dict[str, Any]:
     }
     means = {str(size): count / options.scenes for size, count in pairs.items()}
     return {"models": models, "pairs": means, "core_share": work / wall}
-
-
-def milliseconds(calls: Sequence[Callable[[], object]]) -> list[float]:
-    """What each call takes [ms], after a few that warm up, without garbage collection."""
-    taken = []
-    with garbage_kept():
-        for call in calls[:WARM_UP]:
-            call()
-        for call in calls:
-            begin = time.perf_counter_ns()
-            call()
-            taken.append((time.perf_counter_ns() - begin) * 1e-6)
-    return taken
-
-
-@contextmanager
-def garbage_kept() -> Iterator[None]:
-    was_enabled = gc.isenabled()
-    gc.disable()
-    try:
-        yield
-    finally:
-        if was_enabled:
-            gc.enable()
-
-
-def model_row(times: Times, doing: str, scenarios: int = 1) -> dict[str, Any]:
-    """What a model did; by number of vehicles the times of one of the scenarios of a call [ms] and how many calls."""
-    rows = {
-        str(size): {
-            "mean": float(np.mean(of)) / scenarios,
-            "median": float(np.median(of)) / scenarios,
-            "calls": len(of),
-        }
-        for size, of in times.items()
-        if of
-    }
-    return {"vehicles": rows, "doing": doing}
 
 
 def fits(model: Mapping[str, Any]) -> dict[str, Any]:

@@ -18,7 +18,7 @@ from experiments.bench.own_process import print_row
 from experiments.bench.predictor import SIZES
 from experiments.bench.predictor_peers import SEARCHED
 from experiments.bench.stopwatch import core_watch
-from experiments.measure.runtime import Times, garbage_kept, model_row
+from experiments.measure.timed_calls import Times, garbage_kept, model_row
 from intersection_env import _core
 from intersection_env.constants import DT
 

@@ -12,8 +12,9 @@ import pytest
 
 from experiments.bench.own_process import NOT_INSTALLED
 from experiments.bench.predictor import SIZES
-from experiments.measure import runtime, runtime_libsumo
-from experiments.measure.runtime import Options, fit, main, milliseconds, random_scenes, runtime_results
+from experiments.measure import runtime, runtime_libsumo, timed_calls
+from experiments.measure.runtime import Options, fit, main, random_scenes, runtime_results
+from experiments.measure.timed_calls import milliseconds
 from experiments.show.runtime import LOOKS, plot_runtimes, runtimes_text
 from intersection_env import _core
 from intersection_env.traffic import FLOAT_FIELDS
@@ -29,8 +30,9 @@ def small(monkeypatch: pytest.MonkeyPatch) -> None:
     theirs = {name: ROW | {"doing": "its own"} for name in LIBSUMO}
     monkeypatch.setattr(runtime, "in_own_process", lambda *_: theirs)
     monkeypatch.setattr(runtime, "reference_rate", lambda: {"median": 80.0, "least": 79.0, "best": 81.0})
-    for name, value in {"TURN": 2, "WARM_UP": 1, "TORCH_SIZES": (2, 4), "TORCH_SCENES": 1, "TORCH_REPEATS": 1}.items():
+    for name, value in {"TURN": 2, "TORCH_SIZES": (2, 4), "TORCH_SCENES": 1, "TORCH_REPEATS": 1}.items():
         monkeypatch.setattr(runtime, name, value)
+    monkeypatch.setattr(timed_calls, "WARM_UP", 1)
 
 
 def test_scenes_have_so_many_vehicles_and_are_the_same_each_time() -> None:
