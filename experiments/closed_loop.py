@@ -7,4 +7,4 @@ import tyro
 from experiments.measure.validation_run import Options, main
 
 if __name__ == "__main__":
-    sys.exit(main(tyro.cli(Options)))
+    sys.exit(main(tyro.cli(Options, prog="python -m experiments.closed_loop")))

@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 
 from data.build import build, recordings_on
 from data.pipeline.split import split_of
@@ -68,8 +69,13 @@ def busiest(moments: Sequence[Moment]) -> Moment:
 
 
 def _recorded_conflicts(moment: Moment) -> int:
-    recorded = ~np.ma.getmaskarray(moment.recorded)[0]
-    return int(recorded[moment.traffic.conflicts].all(axis=1).sum())
+    return int(_recorded_now(moment)[moment.traffic.conflicts].all(axis=1).sum())
+
+
+def _recorded_now(moment: Moment) -> NDArray[np.bool_]:
+    """(vehicle,), those that are not extrapolated into the past."""
+    now: NDArray[np.bool_] = ~np.ma.getmaskarray(moment.recorded)[0]
+    return now
 
 
 def _build(folder: Path, intersection: Intersection, path: Path) -> Scenes:
@@ -137,13 +143,13 @@ def _rank(moment: Moment, predictor: Predictor, out: Path) -> None:
 
 
 def _draw(moment: Moment, default: Prediction, name: str, best: Prediction, out: Path) -> None:
-    titles = tuple(
+    none, first = (
         f"{title}: {prediction.time_loss.sum():.1f} s lost"
         for title, prediction in (("no intervention", default), (name, best))
     )
-    write_figure(plot_positions(default, best, moment.recorded, (titles[0], titles[1])), out / "positions.png")
+    write_figure(plot_positions(default, best, moment.recorded, (none, first)), out / "positions.png")
     _written(out / "positions.png")
-    animate({titles[0]: default, titles[1]: best}, out / "animation.gif")
+    animate({none: default, first: best}, out / "animation.gif")
     _written(out / "animation.gif")
 
 
@@ -171,7 +177,7 @@ def _vehicles(moment: Moment) -> pd.DataFrame:
     return pd.DataFrame(
         {
             "vehicle": traffic.ids,
-            "recorded": np.where(np.ma.getmaskarray(moment.recorded)[0], "no", "yes"),
+            "recorded": np.where(_recorded_now(moment), "yes", "no"),
             "class": [track.road_user for track in moment.tracks()],
             "route": [route.id for route in routes],
             "to stop line [m]": [f"{route.stop_line - s:.1f}" for route, s in zip(routes, front, strict=True)],

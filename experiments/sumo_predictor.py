@@ -1,6 +1,10 @@
-"""The command `python -m experiments.sumo_predictor`; the work is in `experiments/models/sumo_predictor.py`."""
+"""The command `python -m experiments.sumo_predictor`; the work is in `experiments/measure/sumo_errors.py`."""
 
-from experiments.models.sumo_predictor import main
+import sys
+
+import tyro
+
+from experiments.measure.sumo_errors import Options, main
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main(tyro.cli(Options, prog="python -m experiments.sumo_predictor")))

@@ -9,6 +9,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from intersection_env.maps.source import MapSource
+
 BLOCK = 180.0  # [s], ours: traffic comes denser and thinner in blocks this long
 BLOCK_SPREAD = 0.35  # ours: standard deviation of the logarithm of a block's demand
 MAIN_FLOW, SIDE_FLOW, BICYCLE_FLOW = 280.0, 131.0, 30.0  # [1/h] an arm, an arm, in all
@@ -39,6 +41,19 @@ class Driver:
     traits: dict[str, float]
     arrival: float | None = None
     """Where on its last edge the trip ends [m]; None: at its end."""
+
+
+def main_arms(source: MapSource) -> set[str]:
+    """The arms of the main road."""
+    return {arm for arm, value in source.arms.items() if value.right_of_way == "priority"}
+
+
+def streams_of(source: MapSource) -> list[Stream]:
+    """The routes of a map as demand sees them."""
+    main = main_arms(source)
+    return [
+        Stream(one.id, one.entry, "main" if one.entry in main else "side", source.turn(one)) for one in source.routes
+    ]
 
 
 def draw_drivers(rng: np.random.Generator, streams: list[Stream], duration: float) -> list[Driver]:

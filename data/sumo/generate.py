@@ -18,12 +18,11 @@ from data.sumo import drive as sumo_drive
 from data.sumo import network as sumo_network
 from data.sumo import recording_files as sumo_files
 from data.sumo import tracks as sumo_tracks
-from data.sumo.network import Network
+from data.sumo.network import MAP, Network
 from data.sumo.tracks import FRAME_RATE, Track
 from intersection_env.maps.source import MapSource
 
 RECORDINGS = Path(__file__).parents[1] / "recordings"
-MAP = Path(__file__).parents[2] / "intersection_env" / "maps" / "bendplatz.json"
 COUNT = 20
 SPLIT = {"train": range(0, 12), "development": range(12, 15), "validation": range(15, 20)}
 DURATION, WARM_UP = 720.0, 60.0  # [s]
@@ -45,8 +44,7 @@ def main() -> None:
 def generate(number: int, folder: Path) -> list[int]:
     """Write one recording's files; the seeds tried, the last without vehicles that collide or overlap."""
     folder.mkdir(parents=True, exist_ok=True)
-    source = MapSource.read(MAP)
-    network = sumo_network.build(source, MAP.with_suffix(".map").read_text(encoding="utf-8"))
+    source, network = sumo_network.read()
     seeds, tracks = [SEED + number], None
     while (tracks := draw(source, network, seeds[-1])) is None:
         seeds.append(seeds[-1] + REDRAW)
@@ -57,13 +55,8 @@ def generate(number: int, folder: Path) -> list[int]:
 def draw(source: MapSource, network: Network, seed: int) -> list[Track] | None:
     """The tracks under a seed, in order of appearance; None if vehicles collide or overlap."""
     rng = np.random.default_rng(seed)
-    main_arms = {arm for arm, value in source.arms.items() if value.right_of_way == "priority"}
-    streams = [
-        sumo_demand.Stream(one.id, one.entry, "main" if one.entry in main_arms else "side", source.turn(one))
-        for one in source.routes
-    ]
-    drivers = sumo_demand.draw_drivers(rng, streams, WARM_UP + DURATION)
-    driven = sumo_drive.simulate(network, drivers, seed, WARM_UP, DURATION, main_arms)
+    drivers = sumo_demand.draw_drivers(rng, sumo_demand.streams_of(source), WARM_UP + DURATION)
+    driven = sumo_drive.simulate(network, drivers, seed, WARM_UP, DURATION, sumo_demand.main_arms(source))
     if driven is None:
         return None
     frames = round(DURATION * FRAME_RATE)

@@ -9,13 +9,17 @@ there to its exit lane, and who yields to whom is taken from the compiled map.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from intersection_env.maps.curve import Points
+from intersection_env.maps.intersection import MAPS
 from intersection_env.maps.source import MapSource, Piece, RouteSource
 
+MAP = MAPS / "bendplatz.json"
+"""The map on which traffic is simulated."""
 CENTRE = "centre"
 TURN_ACCELERATION = 3.4  # [m/s^2], ours: drivers take a turn at the speed that needs this much sideways
 SHIFT_ACCELERATION = 6.0  # [m/s^2], ours: more, since a driver straightens the drawn way into a pocket
@@ -92,6 +96,12 @@ class Network:
     """By route and SUMO lane: arc length at the lane's begin [m], and metres of route per metre of lane."""
     yields: set[tuple[str, str]] = field(default_factory=set)
     """Pairs of routes that conflict: the first waits for the second."""
+
+
+def read(path: Path = MAP) -> tuple[MapSource, Network]:
+    """A map's source and its network; the compiled map lies beside the source."""
+    source = MapSource.read(path)
+    return source, build(source, path.with_suffix(".map").read_text(encoding="utf-8"))
 
 
 def build(source: MapSource, compiled: str) -> Network:

@@ -21,7 +21,7 @@ OUT = Path(__file__).parents[1] / "results" / "bench.json"
 
 def main() -> None:
     """Times everything, or one part beside what the file has of the other; prints tables and writes the results."""
-    parser = argparse.ArgumentParser(description=__doc__)
+    parser = argparse.ArgumentParser(prog="python -m experiments.bench", description=__doc__)
     parser.add_argument("--out", type=Path, default=OUT)
     parser.add_argument("--part", choices=("all", *PARTS), default="all")
     parser.add_argument("--quick", action="store_true", help="fewer repetitions of the predictor's")

@@ -26,9 +26,9 @@ FRAMES = 100
 def door_rates() -> list[dict[str, Any]]:
     """A row a door: its name, and agent-steps a second; prints them."""
     runs = {
-        "PettingZoo, `parallel_env()`, 12 agents": parallel_run(),
-        f"`gymnasium.make_vec`, Replay, {VECTOR_WORLDS} worlds": vector_run(),
-        "`gymnasium.make`, Replay": single_run(),
+        "PettingZoo, `parallel_env()`, 12 agents": parallel_env_run(),
+        f"`gymnasium.make_vec`, Replay, {VECTOR_WORLDS} worlds": make_vec_run(),
+        "`gymnasium.make`, Replay": make_run(),
     }
     rows = []
     for name, run in runs.items():
@@ -38,7 +38,7 @@ def door_rates() -> list[dict[str, Any]]:
     return rows
 
 
-def parallel_run(steps: int = STEPS) -> Run:
+def parallel_env_run(steps: int = STEPS) -> Run:
     """The PettingZoo environment with the IDM's actions, made before; resets count."""
     env = intersection_env.parallel_env()
     made: list[dict[str, Arrays]] = []
@@ -49,7 +49,7 @@ def parallel_run(steps: int = STEPS) -> Run:
             if actions is None:
                 rows = idm_actions(np.stack(list(observations.values())))[:, None]
                 made.append(dict(zip(observations, rows, strict=True)))
-            observations = env.step(next(actions) if actions else made[-1])[0]
+            observations, *_ = env.step(next(actions) if actions else made[-1])
             if not env.agents:
                 observations, _ = env.reset()
 
@@ -57,7 +57,7 @@ def parallel_run(steps: int = STEPS) -> Run:
     return lambda: timed(lambda: drive(iter(made)), steps * len(env.possible_agents))
 
 
-def vector_run(steps: int = STEPS) -> Run:
+def make_vec_run(steps: int = STEPS) -> Run:
     """`make_vec` with the recorded vehicles' actions, made before."""
     envs = gymnasium.make_vec(
         "intersection_env:intersection_env/Replay-v0", num_envs=VECTOR_WORLDS, vectorization_mode="vector_entry_point"
@@ -69,13 +69,13 @@ def vector_run(steps: int = STEPS) -> Run:
         for _ in range(steps):
             if actions is None:
                 made.append(np.clip(infos["expert_acceleration"] / ACCELERATION, -1, 1).astype(np.float32)[:, None])
-            infos = envs.step(next(actions) if actions else made[-1])[4]
+            *_, infos = envs.step(next(actions) if actions else made[-1])
 
     drive(None)
     return lambda: timed(lambda: drive(iter(made)), steps * VECTOR_WORLDS)
 
 
-def single_run(steps: int = STEPS) -> Run:
+def make_run(steps: int = STEPS) -> Run:
     """`make` with the recorded vehicle's actions, made before; resets count."""
     env = gymnasium.make("intersection_env/Replay-v0")
     made: list[Arrays] = []
@@ -100,7 +100,7 @@ def frame_milliseconds(frames: int = FRAMES) -> dict[str, float]:
     times = []
     for _ in range(frames + 1):
         rows = idm_actions(np.stack(list(observations.values())))[:, None]
-        observations = env.step(dict(zip(observations, rows, strict=True)))[0]
+        observations, *_ = env.step(dict(zip(observations, rows, strict=True)))
         if not env.agents:
             observations, _ = env.reset()
         begin = time.perf_counter()

@@ -1,6 +1,6 @@
 """Times the environments: agent-steps a second of the batched worlds, then the doors, the renderer and the peers.
 
-A part of `make bench`. Traffic is realistic, as actions come from a driver (`idm_driver`), outside the timed part
+A part of `make bench`. Traffic is realistic, as actions come from a driver (`drivers.py`), outside the timed part
 unless said otherwise; how often worlds ended stands beside each rate, since a start costs many steps.
 """
 
@@ -40,7 +40,7 @@ def environment_rates() -> dict[str, Any]:
     reference = [reference_rate()]
     print(f"\n{'agent-steps/s [million]: median (best)':76}" + "".join(f"{name:>18}" for name in columns()))
     network = fitted_network()
-    worlds = [_row(name, *timed) for name, timed in _timed_worlds(network)]
+    worlds = [_row(name, rates, ends) for name, (rates, ends) in _timed_worlds(network)]
     doors = door_rates()
     frame = frame_milliseconds()
     print(f"a frame of 600 x 600: {frame['median']:.2f} ms")

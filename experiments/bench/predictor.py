@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from experiments.bench.predictor_flips import flip_rates
 from experiments.bench.predictor_peers import predictor_peer_times
+from experiments.bench.stopwatch import core_watch, spread
 from experiments.bench.timed_traffic import arithmetic, both_networks, rules, traffic, traffic_with_orders
 from intersection_env import Predictor, Traffic, _core, rank_maneuvers
 
@@ -38,13 +39,13 @@ def predictor_times(quick: bool = False) -> dict[str, Any]:
     scene = traffic()
     results: dict[str, Any] = {"vehicles": len(scene), "pairs": len(scene.conflicts), "steps": _core.STEPS}
     works: dict[Hashable, Callable[[], float]] = {}
-    for isa in _core.available_kernels():  # its peaks right beside its cases
-        works |= {(what, isa): _peak(what, isa) for what in ("fma", "tanh")}
+    for isa in _core.available_kernels():  # its arithmetic right beside its cases
+        works |= {(what, isa): _arithmetic(what, isa) for what in ("fma", "tanh")}
         works |= {(isa, row, n): _case(scene, isa, row, n) for row, n in _rows()}
-    begin, begin_of_work = time.perf_counter(), time.process_time()
+    core_share = core_watch()
     found = in_turns(works, rounds)
-    results["core_share"] = (time.process_time() - begin_of_work) / (time.perf_counter() - begin)
-    results |= _floors(found) | _tables(found)
+    results["core_share"] = core_share()
+    results |= _floors(found) | _times(found)
     _print(results)
     results |= _on_all_cores(scene, rounds)
     results["vehicles_us"] = _by_vehicles(results["peaks"], max(1, rounds // 3))
@@ -64,12 +65,7 @@ def in_turns(works: Mapping[Key, Callable[[], float]], rounds: int) -> dict[Key,
     return {key: spread(values) for key, values in taken.items()}
 
 
-def spread(values: list[float]) -> Spread:
-    """Their median, the most and the least, which is the best."""
-    return {"median": float(np.median(values)), "most": max(values), "best": min(values)}
-
-
-def _peak(what: str, isa: str) -> Callable[[], float]:
+def _arithmetic(what: str, isa: str) -> Callable[[], float]:
     """Seconds a multiply-add or tanh, by the same measure as the predictor's times: the median of many calls."""
     yardstick, rounds = (_core.multiply_adds, 100_000) if what == "fma" else (_core.tanhs, 10_000)
 
@@ -126,23 +122,23 @@ def _microseconds(work: Callable[[], object], scenarios: int) -> float:
 
 
 def _floors(found: Mapping[Any, Spread]) -> dict[str, Any]:
-    peaks = {
+    rates = {
         isa: {f"{name}_per_s": 1.0 / found[what, isa]["best"] for what, name in (("fma", "fmas"), ("tanh", "tanhs"))}
         for isa in _core.available_kernels()
     }
     scene = traffic()
     counts = {"floor_us": len(scene.conflicts), "assigned_floor_us": 0}
-    floors = {name: {isa: floor(peaks[isa], len(scene), n) for isa in peaks} for name, n in counts.items()}
-    return {"peaks": peaks} | floors
+    floors = {name: {isa: floor(rates[isa], len(scene), n) for isa in rates} for name, n in counts.items()}
+    return {"peaks": rates} | floors
 
 
-def floor(peak: Spread, vehicles: int, pairs: int) -> float:
+def floor(rates: Spread, vehicles: int, pairs: int) -> float:
     """What the networks of one scenario take at these rates [µs], had everybody to be asked at every step."""
     multiply_adds, tanhs = arithmetic(both_networks(), vehicles, pairs)
-    return 1e6 * (multiply_adds / peak["fmas_per_s"] + tanhs / peak["tanhs_per_s"])
+    return 1e6 * (multiply_adds / rates["fmas_per_s"] + tanhs / rates["tanhs_per_s"])
 
 
-def _tables(found: Mapping[Any, Spread]) -> dict[str, Any]:
+def _times(found: Mapping[Any, Spread]) -> dict[str, Any]:
     kernels = _core.available_kernels()
     free = [name for name, n in _rows() if n == 1 and not name.startswith("assigned")]
     told = [name for name, n in _rows() if n == 1 and name.startswith("assigned")]
@@ -154,8 +150,8 @@ def _tables(found: Mapping[Any, Spread]) -> dict[str, Any]:
         }
         for isa in kernels
     }
-    single = {isa: {row: found[isa, row, 1] for row in free} for isa in kernels}
-    return {"single_us": single, "batch_us": batch, "assigned_us": assigned, "maneuvers_per_cycle": cycle}
+    alone = {isa: {row: found[isa, row, 1] for row in free} for isa in kernels}
+    return {"single_us": alone, "batch_us": batch, "assigned_us": assigned, "maneuvers_per_cycle": cycle}
 
 
 def _on_all_cores(scene: Traffic, rounds: int) -> dict[str, Any]:
@@ -166,11 +162,11 @@ def _on_all_cores(scene: Traffic, rounds: int) -> dict[str, Any]:
     print(f"\n{most} scenarios on {os.cpu_count()} cores")
     for isa in kernels:
         print(f"{isa}: " + ", ".join(f"{row} {found[isa, row]['median']:.1f}" for row in rows))
-    table = {isa: {row: {str(most): found[isa, row]} for row in rows} for isa in kernels}
-    return {"cores": os.cpu_count(), "threads_us": table}
+    times = {isa: {row: {str(most): found[isa, row]} for row in rows} for isa in kernels}
+    return {"cores": os.cpu_count(), "threads_us": times}
 
 
-def _by_vehicles(peaks: dict[str, Spread], rounds: int) -> dict[str, Any]:
+def _by_vehicles(rates: dict[str, Spread], rounds: int) -> dict[str, Any]:
     """By instruction set and number of vehicles: pairs, floor, and the times of 1, 64 and 1024 scenarios."""
     scenes = {size: traffic(size) for size in SIZES}
     kernels, counts = _core.available_kernels(), (1, *BATCHES)
@@ -181,22 +177,22 @@ def _by_vehicles(peaks: dict[str, Spread], rounds: int) -> dict[str, Any]:
         for n in counts
     }
     found = in_turns(cases, rounds)
-    table: dict[str, Any] = {isa: {} for isa in kernels}
+    times: dict[str, Any] = {isa: {} for isa in kernels}
     for isa in kernels:
         print(f"\n{isa}: vehicles (pairs): floor, best of {', '.join(str(n) for n in counts)} scenarios [µs each]")
         for size, scene in scenes.items():
             pairs = len(scene.conflicts)
-            least = floor(peaks[isa], size, pairs)
-            table[isa][str(size)] = {"pairs": pairs, "floor": least} | {str(n): found[isa, size, n] for n in counts}
+            least = floor(rates[isa], size, pairs)
+            times[isa][str(size)] = {"pairs": pairs, "floor": least} | {str(n): found[isa, size, n] for n in counts}
             print(f"{size:4} ({pairs}): {least:6.1f}" + "".join(f"{found[isa, size, n]['best']:8.1f}" for n in counts))
-    return table
+    return times
 
 
 def latency(scene: Traffic, most: int) -> dict[str, Spread]:
     """Percentiles of one call that predicts one scenario, by the best kernel, from Python [µs]."""
     core = _core.Predictor(scene.intersection.core, _core.Policy(both_networks().text(), "networks"))
     assignment = np.zeros((1, len(scene.conflicts)), np.int8)
-    table = {}
+    latencies = {}
     for row, safety, calls in (("networks", False, most), ("networks" + DISTANCES, True, most // 10)):
         taken = np.zeros(calls, np.int64)
         for k in range(calls):
@@ -204,10 +200,10 @@ def latency(scene: Traffic, most: int) -> dict[str, Spread]:
             core.predict(scene.core, assignment, False, safety)
             taken[k] = time.perf_counter_ns() - begin
         percentiles = np.percentile(taken, (50.0, 99.0, 99.9)) / 1e3
-        table[row] = dict(zip(("p50", "p99", "p99.9"), percentiles.tolist(), strict=True)) | {"calls": calls}
+        latencies[row] = dict(zip(("p50", "p99", "p99.9"), percentiles.tolist(), strict=True)) | {"calls": calls}
         print(f"latency of one scenario, {row}: p50 {percentiles[0]:.1f}, p99 {percentiles[1]:.1f}", end="")
         print(f", p99.9 {percentiles[2]:.1f} µs over {calls} calls")
-    return table
+    return latencies
 
 
 def ranking(rounds: int) -> dict[str, Any]:
@@ -224,20 +220,20 @@ def ranking(rounds: int) -> dict[str, Any]:
     rank_maneuvers(predictors["gap"], scenes[ORDERS[0]][0])  # loads pandas
     keys = [(wanted, name) for wanted in ORDERS for name in predictors]
     found = in_turns({key: lambda key=key: work(*key) for key in keys}, rounds)  # type: ignore[misc]
-    table: dict[str, Any] = {}
+    times: dict[str, Any] = {}
     for wanted in ORDERS:
         scene, orders = scenes[wanted]
         rows = {name: found[wanted, name] for name in predictors}
-        table[str(wanted)] = {"orders": orders, "vehicles": len(scene), "pairs": len(scene.conflicts)} | rows
+        times[str(wanted)] = {"orders": orders, "vehicles": len(scene), "pairs": len(scene.conflicts)} | rows
         said = ", ".join(f"{name} {row['median']:.1f} (best {row['best']:.1f})" for name, row in rows.items())
         print(f"rank_maneuvers, {orders} orders of {len(scene)} vehicles [ms]: {said}")
-    return table
+    return times
 
 
 def _print(results: dict[str, Any]) -> None:
     print(f"{results['vehicles']} vehicles, {results['pairs']} open pairs, {results['steps']} steps; µs a scenario")
-    for isa, peak in results["peaks"].items():
-        rates = ", ".join(f"{value / 1e9:.2f} G {name.removesuffix('_per_s')}/s" for name, value in peak.items())
+    for isa, peaks in results["peaks"].items():
+        rates = ", ".join(f"{value / 1e9:.2f} G {name.removesuffix('_per_s')}/s" for name, value in peaks.items())
         print(
             f"\n{isa}: {rates}; floor {results['floor_us'][isa]:.1f}, assigned {results['assigned_floor_us'][isa]:.1f}"
         )

@@ -8,9 +8,10 @@ from __future__ import annotations
 from itertools import islice
 
 import numpy as np
+from numpy.typing import NDArray
 
 from experiments.bench.timed_traffic import random_traffics
-from intersection_env import Predictor, _core
+from intersection_env import Predictor, Traffic, _core
 
 POLICY = "gap"
 
@@ -37,17 +38,25 @@ def _rates(isa: str, best: str, traffics: int) -> dict[str, float]:
     policy = Predictor.load(POLICY)
     for scene in islice(random_traffics(), traffics):
         predictor = policy.bound_to(scene.intersection)
-        none = np.zeros((1, len(scene.conflicts)), np.int8)
-        ours, theirs = (predictor.predict(scene.core, none, True, False, None, one) for one in (best, isa))
-        differs = ours[3][:, : _core.STEPS] != theirs[3][:, : _core.STEPS]
-        decisions.append(differs.mean())
-        scenarios.append(differs.any())
-        replayed = np.ascontiguousarray(ours[3][:, : _core.STEPS])
-        theirs = predictor.predict(scene.core, none, True, False, replayed, isa)
-        distance = max(distance, float(np.abs(ours[0] - theirs[0]).max()))
+        position, enters = _predicted(predictor, scene, best)
+        _, otherwise = _predicted(predictor, scene, isa)
+        decisions.append((enters != otherwise).mean())
+        scenarios.append((enters != otherwise).any())
+        replayed, _ = _predicted(predictor, scene, isa, enters)
+        distance = max(distance, float(np.abs(position - replayed).max()))
     return {
         "traffics": traffics,
         "decisions": float(np.mean(decisions)),
         "scenarios": float(np.mean(scenarios)),
         "position_m": distance,
     }
+
+
+def _predicted(
+    predictor: _core.Predictor, scene: Traffic, isa: str, decisions: NDArray[np.uint8] | None = None
+) -> tuple[NDArray[np.float32], NDArray[np.uint8]]:
+    """Positions (1, time, vehicle) [m] and gap decisions (1, step, vehicle), without intervention; or with decisions
+    made before."""
+    none = np.zeros((1, len(scene.conflicts)), np.int8)
+    position, _, _, enters, *_ = predictor.predict(scene.core, none, True, False, decisions, isa)
+    return position, np.ascontiguousarray(enters[:, : _core.STEPS])

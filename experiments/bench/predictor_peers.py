@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import argparse
 import importlib
-import json
 import sys
 import tempfile
 import time
@@ -17,11 +16,13 @@ from typing import Any
 
 import numpy as np
 
-from experiments.bench.environment_peers import MAP, NOT_INSTALLED, drivers, in_own_process, keep_present, sumo_files
+from data.sumo import network as sumo_network
+from data.sumo.command import command_of, dense_traffic, keep_present, without_drivers
+from experiments.bench.own_process import in_own_process, print_row
+from experiments.bench.stopwatch import core_watch, spread
 from experiments.bench.timed_traffic import VEHICLES, both_networks, traffic
 from intersection_env import _core
 from intersection_env.constants import DT
-from intersection_env.maps.source import MapSource
 from intersection_env.policies.file import NetworkWeights
 
 REPEATS, SECONDS = 9, 0.15  # repetitions, and of each at least
@@ -30,7 +31,7 @@ SEARCHED = 600.0  # [s] of libsumo's traffic, in which 15 vehicles are found
 
 def predictor_peer_times() -> dict[str, dict[str, Any]]:
     """By peer: microseconds a scenario (median, least, best) and what it did; or why it is missing. Prints them."""
-    rows = {name: in_own_process("experiments.bench.predictor_peers", name) for name in PEERS}
+    rows = {name: in_own_process(__name__, name) for name in PEERS}
     for name, row in rows.items():
         said = row.get("missing") or f"{row['us']['median']:,.1f} (best {row['us']['best']:,.1f}) µs; {row['doing']}"
         print(f"{name}: {said}", flush=True)
@@ -47,14 +48,17 @@ def microseconds(work: Callable[[], object], scenarios: int) -> dict[str, float]
             work()
             calls += 1
         times.append((time.perf_counter() - begin) / calls / scenarios * 1e6)
-    return {"median": float(np.median(times)), "most": max(times), "best": min(times)}
+    return spread(times)
 
 
 def torch_run(scenarios: int) -> dict[str, Any]:
     """The same model and networks as plain torch operations."""
-    torch = importlib.import_module("torch")
+    import torch
+
+    from imitation.torch_model import TorchPredictor
+
     torch.set_num_threads(1)
-    predictor = importlib.import_module("imitation.torch_model").TorchPredictor(traffic(), both_networks())
+    predictor = TorchPredictor(traffic(), both_networks())
     assignment = torch.zeros((scenarios, len(predictor.i)), dtype=torch.int8)
     found = microseconds(lambda: predictor.predict(assignment), scenarios)
     asked = float(predictor.predict(assignment[:1]).asked) / _core.STEPS / len(predictor.i)
@@ -63,8 +67,9 @@ def torch_run(scenarios: int) -> dict[str, Any]:
 
 def onnx_run(scenarios: int) -> dict[str, Any]:
     """Both networks alone, by onnxruntime, 50 times, with ready-made inputs."""
-    runtime = importlib.import_module("onnxruntime")
-    options = runtime.SessionOptions()
+    import onnxruntime
+
+    options = onnxruntime.SessionOptions()
     options.intra_op_num_threads = options.inter_op_num_threads = 1
     policy, scene = both_networks(), traffic()
     assert policy.gap_network is not None
@@ -75,7 +80,7 @@ def onnx_run(scenarios: int) -> dict[str, Any]:
     )
     calls = []
     for network, activation, rows in parts:
-        session = runtime.InferenceSession(onnx_model(network, activation), options)
+        session = onnxruntime.InferenceSession(onnx_model(network, activation), options)
         inputs = np.random.default_rng(0).normal(size=(scenarios * rows, len(network.shift))).astype(np.float32)
         calls.append((session, {"features": inputs}))
 
@@ -89,7 +94,8 @@ def onnx_run(scenarios: int) -> dict[str, Any]:
 
 def onnx_model(network: NetworkWeights, activation: str) -> bytes:
     """The network as ONNX, "features" (row, input) to "output" (row, 1), its scaling folded in."""
-    onnx = importlib.import_module("onnx")
+    import onnx
+
     helper, kind = onnx.helper, onnx.TensorProto.FLOAT
     nodes, constants, name = [], [], "features"
     for k, (weight, bias) in enumerate(network.layers):
@@ -101,11 +107,11 @@ def onnx_model(network: NetworkWeights, activation: str) -> bytes:
         if not last:
             nodes.append(helper.make_node(activation, [f"s{k}"], [f"a{k}"]))
             name = f"a{k}"
-    ends = (
-        helper.make_tensor_value_info(one, kind, ["row", width])
+    inputs, outputs = (
+        [helper.make_tensor_value_info(one, kind, ["row", width])]
         for one, width in (("features", len(network.shift)), ("output", 1))
     )
-    graph = helper.make_graph(nodes, "network", *([end] for end in ends), constants)
+    graph = helper.make_graph(nodes, "network", inputs, outputs, constants)
     model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 20)], ir_version=10)
     return bytes(model.SerializeToString())
 
@@ -114,8 +120,8 @@ def libsumo_run(restores: bool) -> dict[str, Any]:
     """50 steps of 0.2 s from a state with 15 vehicles; restoring it and reading all states counts if `restores`."""
     libsumo = importlib.import_module("libsumo")
     with tempfile.TemporaryDirectory() as folder:
-        source = MapSource.read(MAP)
-        command = sumo_files(source, drivers(source, SEARCHED), Path(folder))
+        source, network = sumo_network.read()
+        command = command_of(network, dense_traffic(source, SEARCHED), Path(folder))
         libsumo.start(command)
         while libsumo.vehicle.getIDCount() != len(VEHICLES):
             libsumo.simulationStep()
@@ -123,8 +129,7 @@ def libsumo_run(restores: bool) -> dict[str, Any]:
         libsumo.simulation.saveState(state)
         keep_present(Path(state))
         libsumo.close()
-        routes = command.index("-r")
-        libsumo.start(command[:routes] + command[routes + 2 :])  # nobody else enters
+        libsumo.start(without_drivers(command))
         present: list[int] = []
 
         def step() -> None:
@@ -155,7 +160,7 @@ def _libsumo_times(restore: Callable[[], None], step: Callable[[], None], restor
             begin = time.perf_counter()
         step()
         times.append((time.perf_counter() - begin) * 1e6)
-    return {"median": float(np.median(times)), "most": max(times), "best": min(times)}
+    return spread(times)
 
 
 PEERS: dict[str, Callable[[], dict[str, Any]]] = {
@@ -169,18 +174,19 @@ PEERS: dict[str, Callable[[], dict[str, Any]]] = {
 }
 
 
+def timed(peer: Callable[[], dict[str, Any]]) -> dict[str, Any]:
+    """The peer's row, and how much of a core it had."""
+    core_share = core_watch()
+    row = peer()
+    return row | {"core_share": core_share()}
+
+
 def main() -> None:
     """Times one peer and prints its row as JSON."""
-    parser = argparse.ArgumentParser(description=__doc__)
+    parser = argparse.ArgumentParser(prog="python -m experiments.bench.predictor_peers", description=__doc__)
     parser.add_argument("name", choices=PEERS)
-    try:
-        begin, begin_of_work = time.perf_counter(), time.process_time()
-        row = PEERS[parser.parse_args().name]()
-        row["core_share"] = (time.process_time() - begin_of_work) / (time.perf_counter() - begin)
-    except ModuleNotFoundError as error:
-        print(error, file=sys.stderr)
-        sys.exit(NOT_INSTALLED)
-    print(json.dumps(row))
+    peer = PEERS[parser.parse_args().name]
+    sys.exit(print_row(lambda: timed(peer)))
 
 
 if __name__ == "__main__":

@@ -26,6 +26,11 @@ def summary(rates: Sequence[float]) -> dict[str, float]:
     return {"median": float(np.median(rates)), "least": min(rates), "best": max(rates)}
 
 
+def spread(times: Sequence[float]) -> dict[str, float]:
+    """The median of times, the most, and the least, which is the best."""
+    return {"median": float(np.median(times)), "most": max(times), "best": min(times)}
+
+
 def timed(work: Callable[[], None], count: int) -> tuple[int, float]:
     """The repetition that does `count` things by this work."""
     begin = time.perf_counter()
@@ -33,10 +38,16 @@ def timed(work: Callable[[], None], count: int) -> tuple[int, float]:
     return count, time.perf_counter() - begin
 
 
+def core_watch() -> Callable[[], float]:
+    """To be asked how much of a core this process got since this call; below 1, others were at work."""
+    begin, begin_of_work = time.perf_counter(), time.process_time()
+    return lambda: (time.process_time() - begin_of_work) / (time.perf_counter() - begin)
+
+
 def reference_rate() -> dict[str, float]:
     """How fast this machine is now: a product of 256 x 256 float32 matrices in one thread [GFLOP/s].
 
-    `core_share` is how much of a core this process got meanwhile; below 1, others were at work.
+    `core_share` is how much of a core this process got meanwhile.
     """
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
@@ -48,7 +59,7 @@ def reference_rate() -> dict[str, float]:
         for _ in range(PRODUCTS):
             torch.mm(a, a, out=out)
 
-    begin, begin_of_work = time.perf_counter(), time.process_time()
+    core_share = core_watch()
     found = rate(lambda: timed(multiply, PRODUCTS))
-    share = (time.process_time() - begin_of_work) / (time.perf_counter() - begin)
+    share = core_share()
     return {name: 2.0 * 256**3 * products / 1e9 for name, products in found.items()} | {"core_share": share}

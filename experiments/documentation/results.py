@@ -14,16 +14,13 @@ from typing import Any
 
 import pandas as pd
 
-from experiments.documentation.tables import (
-    environments_block,
-    errors_table,
-    paper_table,
-    speed_block,
-    training_sentence,
-)
-from experiments.documentation.tables import gap_table as gap_table  # the report takes it from here
 from experiments.report.headlines import headlines
 from experiments.results_files import results_in
+from experiments.show.environment_speed import environments_section, training_sentence
+from experiments.show.gap import accuracy_table
+from experiments.show.horizon import errors_table
+from experiments.show.predictor_speed import speed_section
+from experiments.show.tables import markdown_table
 from intersection_env.files import written_whole
 
 ROOT = Path(__file__).parents[2]
@@ -52,19 +49,21 @@ def filled(page: str, blocks: dict[str, str]) -> str:
     return page
 
 
-def figures_block(results: dict[str, Any]) -> str:
+def figures_section(results: dict[str, Any]) -> str:
     """The README's figures, and how many of our bars are met."""
     rows = list(headlines(results))
     named = {row.what: row for row in reversed(rows)}  # of two of a name the first: RMSE before MAD
-    lines = ["| figure | paper, on inD | ours, simulated, 95 % interval | our bar | command |", "|---" * 5 + "|"]
-    for what, name in FIGURES.items():
-        _, *cells = named[what].cells()
-        lines.append(f"| {name} | {' | '.join(cells)} |")
+    heads = ("figure", "paper, on inD", "ours, simulated, 95 % interval", "our bar", "command")
+    figures = markdown_table(heads, [(name, *named[what].cells()[1:]) for what, name in FIGURES.items()])
     judged = [row.met for row in rows if row.met is not None]
-    return (
-        "\n".join(lines)
-        + f"\n\nOf {len(judged)} bars that we set ourselves {sum(judged)} are met ([all](docs/results.md))."
-    )
+    met = f"Of {len(judged)} bars that we set ourselves {sum(judged)} are met ([all](docs/results.md))."
+    return f"{figures}\n\n{met}"
+
+
+def paper_table(results: dict[str, Any]) -> str:
+    """The paper's figures with ours beside them."""
+    heads = ("figure", "paper, on inD", "ours, with 95 % interval", "our bar")
+    return markdown_table(heads, [row.cells()[:-1] for row in headlines(results)])
 
 
 def page() -> str:
@@ -78,9 +77,9 @@ def page() -> str:
     tables = {
         "paper": paper_table(results),
         "errors": errors_table(pd.read_csv(RESULTS / "errors.csv")),
-        "gap": gap_table(results["gap_validation"]),
-        "speed": speed_block(bench),
-        "environments": environments_block(bench["environments"]),
+        "gap": accuracy_table(results["gap_validation"]),
+        "speed": speed_section(bench),
+        "environments": environments_section(bench["environments"]),
     }
     if "training" in bench:
         tables["environments"] += f"\n\n{training_sentence(bench['training'])}"
@@ -101,7 +100,7 @@ def with_tables(template: str, tables: dict[str, str]) -> str:
 
 def readme() -> str:
     """The README as the results files make it."""
-    return filled(README.read_text(encoding="utf-8"), {"figures": figures_block(results_in(RESULTS))})
+    return filled(README.read_text(encoding="utf-8"), {"figures": figures_section(results_in(RESULTS))})
 
 
 def main() -> None:

@@ -19,6 +19,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from experiments.results_files import write_result
+from experiments.show.crossing_order import (
+    BASELINES,
+    COMPARED,
+    CRITICAL_GAP,
+    POPULATIONS,
+    PRIORITY_FIRST,
+    SUMO_RULE,
+    order_table,
+)
 from intersection_env import _core
 from intersection_env.constants import DT, STEPS
 from intersection_env.evaluation.errors import Forecaster
@@ -27,11 +36,6 @@ from intersection_env.evaluation.moments import HORIZONS, SCORED, Moment, moment
 from intersection_env.prediction.measures import crossing_order
 from intersection_env.prediction.predictor import Predictor
 from intersection_env.scenes.scenes import Scenes
-
-PRIORITY_FIRST, SUMO_RULE, CRITICAL_GAP = "priority_first", "sumo_rule", "critical_gap"
-BASELINES = (PRIORITY_FIRST, SUMO_RULE, CRITICAL_GAP)
-COMPARED = (PRIORITY_FIRST, SUMO_RULE)  # with which every model is compared, pair by pair
-POPULATIONS = ("recorded", "all")  # both vehicles recorded at the start, or also those extrapolated there
 
 Flags = NDArray[np.bool_]
 
@@ -188,38 +192,6 @@ def _mean(samples: Mapping[str, NDArray[np.float64]]) -> dict[str, float] | None
     return {key: round(value, 4) for key, value in interval(samples, lambda all_: float(all_.mean())).items()}
 
 
-def table(results: Mapping[str, Any]) -> str:
-    """The results as Markdown, in percent; intervals in brackets, pairs in parentheses."""
-    blocks = []
-    for population in POPULATIONS:
-        result = results[population]
-        some = next(iter(result["models"].values()))
-        firsts = [f"{first} first ({one['pairs']})" for first, one in some["by_first"].items()]
-        times = [f"{one['after']:.0f}-{one['until']:.0f} s ({one['pairs']})" for one in some["by_time"]]
-        heads = ["", "accuracy", "not settled", "unresolved", *(f"minus {name}" for name in COMPARED), *firsts, *times]
-        lines = [
-            f"Population: {population}. {results['recordings']} recordings, {result['pairs']} pairs,"
-            f" {result['settled']} of them settled at the start.\n",
-            f"| {' | '.join(heads)} |".replace("_", " "),
-            "|---" * len(heads) + "|",
-        ]
-        for name, model in result["models"].items():
-            unresolved = "" if model["unresolved"] is None else f"{100 * model['unresolved']:.1f}"
-            cells = [name.replace("_", " "), _cell(model["accuracy"]), _cell(model["open_accuracy"]), unresolved]
-            cells += [_cell(model["minus"].get(other)) for other in COMPARED]
-            cells += [_cell(one["accuracy"], False) for one in (*model["by_first"].values(), *model["by_time"])]
-            lines.append(f"| {' | '.join(cells)} |")
-        blocks.append("\n".join(lines))
-    return "\n\n".join(blocks)
-
-
-def _cell(figure: Mapping[str, float] | None, with_interval: bool = True) -> str:
-    if figure is None:
-        return ""
-    value, low, high = (100.0 * figure[key] for key in ("value", "low", "high"))
-    return f"{value:.1f} [{low:.1f}, {high:.1f}]" if with_interval else f"{value:.1f}"
-
-
 @dataclass(frozen=True)
 class Options:
     """Accuracy of the predicted crossing order."""
@@ -240,7 +212,7 @@ def main(options: Options) -> int:
         moments, refused = moments_of(Scenes.load(options.scenes).select(options.split))
         results = order_results([Predictor.load(policy) for policy in options.policies], moments)
         content = {"split": options.split, "refused": len(refused), **results}
-        print(table(results))
+        print(order_table(results))
         write_result(options.out / f"order_{options.split}.json", content)
     except (OSError, ValueError) as error:
         print(f"error: {error}", file=sys.stderr)

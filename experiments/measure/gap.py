@@ -10,39 +10,28 @@ On the development recordings the network's calibration error flatters it: its t
 from __future__ import annotations
 
 import sys
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 import torch
 
-from agents.gap.baselines import BASELINES, Decider, Floats, PairModel
+from agents.gap.baselines import BASELINES, EVEN, Decider, PairModel
 from agents.gap.samples import Foes, GapSamples, gap_samples
 from agents.gap.train import GapSettings, train_network
 from agents.networks.export import gap_network
 from agents.networks.gap import GapNetwork
 from agents.training.interrupt import Interrupted
-from experiments.measure.gap_scores import (
-    BINS,
-    COVERAGE,
-    FOES,
-    NETWORK,
-    RESAMPLES,
-    Tally,
-    compare,
-    pooled,
-    table,
-    tally,
-)
+from experiments.measure.gap_acceptance import acceptance_curves, chances, seen_gap
+from experiments.measure.gap_scores import FOES, Tally, compare, pooled, tally
 from experiments.results_files import write_result
-from experiments.show.gap import plot
+from experiments.show.gap import BINS, NETWORK, measures_table, plot_acceptance
+from intersection_env.evaluation.intervals import COVERAGE, RESAMPLES
 from intersection_env.plots.files import write_figure
 from intersection_env.policies.file import PolicyFile
-from intersection_env.policies.named import POLICIES
+from intersection_env.policies.named import policy_path
 from intersection_env.scenes.scenes import Scenes
-
-if TYPE_CHECKING:
-    pass
 
 
 @dataclass(frozen=True)
@@ -65,13 +54,7 @@ class Options:
 
 def decider_of(network: GapNetwork) -> Decider:
     """The network as a decider."""
-
-    def chance(samples: GapSamples) -> Floats:
-        with torch.no_grad():
-            probability: Floats = torch.sigmoid(network(torch.from_numpy(samples.features)).double()).numpy()
-        return probability
-
-    return PairModel(chance)
+    return PairModel(lambda samples: chances(network, samples.features))
 
 
 def on_split(network: GapNetwork, train: GapSamples, test: GapSamples) -> dict[str, Any]:
@@ -80,8 +63,7 @@ def on_split(network: GapNetwork, train: GapSamples, test: GapSamples) -> dict[s
     for foes in FOES:
         learn, judge = train.select(foes), test.select(foes)
         recordings = sorted(set(judge.sample_recording.tolist()))
-        deciders = {NETWORK: decider_of(network)} | {name: fit(learn) for name, fit in BASELINES.items()}
-        results[foes] = compare({name: tally(one, judge, recordings) for name, one in deciders.items()})
+        results[foes] = compare(_tallies(decider_of(network), learn, judge, recordings))
     return results
 
 
@@ -104,10 +86,14 @@ def on_folds(samples: GapSamples, folds: int, settings: GapSettings) -> dict[str
         chosen, calibration = (one.select(settings.foes) for one in (learn, samples.of(held_out)))
         network = decider_of(train_network(chosen, calibration, replace(settings, seed=settings.seed + k)))
         for foes in FOES:
-            judge, fitted = samples.of(part).select(foes), learn.select(foes)
-            deciders = {NETWORK: network} | {name: fit(fitted) for name, fit in BASELINES.items()}
-            tallies[foes].append({name: tally(one, judge, part) for name, one in deciders.items()})
+            tallies[foes].append(_tallies(network, learn.select(foes), samples.of(part).select(foes), part))
     return {foes: pooled(of_folds) for foes, of_folds in tallies.items()}
+
+
+def _tallies(network: Decider, learn: GapSamples, judge: GapSamples, recordings: Sequence[str]) -> dict[str, Tally]:
+    """What the network and the baselines, which learn first, get right."""
+    deciders = {NETWORK: network} | {name: fit(learn) for name, fit in BASELINES.items()}
+    return {name: tally(one, judge, recordings) for name, one in deciders.items()}
 
 
 def main(options: Options) -> int:
@@ -122,13 +108,13 @@ def main(options: Options) -> int:
             name, samples = "folds", gap_samples(scenes)[0]
             content |= {"folds": options.folds, "foes": on_folds(samples, options.folds, GapSettings())}
         else:
-            name, path = options.split, _policy_path(options.policy)
+            name, path = options.split, policy_path(options.policy)
             network = gap_network(PolicyFile.read(path))
             train, test = (gap_samples(scenes.select(split))[0] for split in ("train", options.split))
             content |= {"split": options.split, "policy": path.name, "foes": on_split(network, train, test)}
             if options.figure:
-                write_figure(plot(network, test.select("all"), content["foes"]), options.figure)
-        print(table(content["foes"]))
+                _draw(network, test.select("all"), content["foes"], options.figure)
+        print(measures_table(content["foes"]))
         write_result(options.out / f"gap_{name}.json", content)
     except Interrupted:
         print("interrupted; nothing written", file=sys.stderr)
@@ -139,6 +125,6 @@ def main(options: Options) -> int:
     return 0
 
 
-def _policy_path(policy: str) -> Path:
-    shipped = POLICIES / f"{policy}.policy"
-    return shipped if policy.isidentifier() and shipped.is_file() else Path(policy)
+def _draw(network: GapNetwork, samples: GapSamples, by_foes: dict[str, Any], path: Path) -> None:
+    curves, seen = acceptance_curves(network, samples), seen_gap(samples)
+    write_figure(plot_acceptance(curves, EVEN, seen, by_foes), path)

@@ -1,4 +1,4 @@
-"""How often gap decisions are right, and how well calibrated: counts, intervals over recordings, tables."""
+"""How often gap decisions are right, and how well calibrated: counts, and intervals over recordings."""
 
 from __future__ import annotations
 
@@ -11,12 +11,10 @@ from numpy.typing import NDArray
 
 from agents.gap.baselines import Decider, Floats
 from agents.gap.samples import UNKNOWN, Foes, GapSamples, Kinematics
+from experiments.show.gap import BINS, MEASURES, NETWORK
+from intersection_env.evaluation.intervals import COVERAGE, RESAMPLES, SEED
 
-NETWORK = "network"
-RESAMPLES, COVERAGE, SEED = 2000, 0.95, 0
-BINS = 15  # of equal width, for the calibration error
 FOES: tuple[Foes, ...] = get_args(Foes)
-MEASURES = ("accuracy", "balanced_accuracy", "pair_accuracy", "accuracy_before_stop_line", "calibration_error")
 
 
 @dataclass(frozen=True)
@@ -46,10 +44,8 @@ def tally(decider: Decider, samples: GapSamples, recordings: Sequence[str]) -> T
     of_pair, known = of[samples.sample], samples.first != UNKNOWN
     label = samples.labels()
     right = decider.decide(samples) == label
-    before = np.zeros(len(samples), np.bool_)
-    before[samples.sample] = (
-        samples.kinematics[:, Kinematics.DISTANCE_TO_STOP_LINE] >= 0.0
-    )  # the same in all pairs of a sample
+    before = np.zeros(len(samples), np.bool_)  # the same in all pairs of a sample
+    before[samples.sample] = samples.kinematics[:, Kinematics.DISTANCE_TO_STOP_LINE] >= 0.0
     accepts, probability = decider.accepts(samples), decider.probability(samples)
 
     def count(places: NDArray[np.int64], flags: NDArray[np.bool_]) -> Floats:
@@ -134,8 +130,8 @@ def _reliability(counted: Tally) -> list[dict[str, float]] | None:
     """Mean probability and share of positives of each bin that has samples."""
     if counted.bins is None:
         return None
-    rows = [row for row in counted.bins.sum(axis=0).tolist() if row[0]]
-    return [{"samples": int(n), "predicted": round(p / n, 4), "observed": round(y / n, 4)} for n, p, y in rows]
+    rows = counted.bins.sum(axis=0).tolist()
+    return [{"samples": int(n), "predicted": round(p / n, 4), "observed": round(y / n, 4)} for n, p, y in rows if n]
 
 
 def pooled(folds: Sequence[Mapping[str, Tally]]) -> dict[str, Any]:
@@ -154,28 +150,3 @@ def _joined(parts: Sequence[Tally]) -> Tally:
         values = [getattr(part, field.name) for part in parts]
         columns[field.name] = None if values[0] is None else np.concatenate(values)
     return Tally(**columns)
-
-
-def table(results: Mapping[str, Any]) -> str:
-    """The results as Markdown, in percent; intervals in brackets."""
-    blocks = []
-    for foes, result in results.items():
-        base = result["base_rate"]["value"]
-        lines = [
-            f"Foes: {foes}. {result['recordings']} recordings, {result['samples']} samples, {result['pairs']} pairs,"
-            f" base rate {100 * base:.1f} %.\n",
-            "| | accuracy | network minus it | balanced | per pair | before the stop line | calibration error |",
-            "|---|---|---|---|---|---|---|",
-        ]
-        for name, model in result["models"].items():
-            cells = [model["accuracy"], model["network_minus"].get("accuracy"), *(model[key] for key in MEASURES[1:])]
-            lines.append(f"| {name.replace('_', ' ')} | " + " | ".join(_cell(one) for one in cells) + " |")
-        blocks.append("\n".join(lines))
-    return "\n\n".join(blocks)
-
-
-def _cell(interval: Mapping[str, float] | None) -> str:
-    if interval is None:
-        return ""
-    value, low, high = (100.0 * interval[key] for key in ("value", "low", "high"))
-    return f"{value:.1f} [{low:.1f}, {high:.1f}]"

@@ -10,13 +10,14 @@ import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 from tqdm import tqdm
 
 from experiments.results_files import write_result
+from experiments.show.horizon import QUANTITIES, errors_text, plot_errors
 from intersection_env.constants import DT, STEPS
 from intersection_env.evaluation.errors import POPULATIONS, Errors, Forecaster, error_figures, errors
 from intersection_env.evaluation.intervals import interval
@@ -25,12 +26,8 @@ from intersection_env.plots.files import write_figure
 from intersection_env.prediction.predictor import Predictor
 from intersection_env.scenes.scenes import Scenes
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
 Floats = NDArray[np.float64]
 
-QUANTITIES = ("distance", "time_loss")
 REFERENCES = ("idm", "idm_calibrated")
 """Models that the others are compared with, as a ratio of errors on the same samples."""
 LAST = STEPS  # 10 s
@@ -115,8 +112,8 @@ def _interval(found: dict[str, Errors], names: list[str], quantity: str, figure:
     recording, of = first.recording[chosen], FIGURES[figure]
 
     def statistic(samples: Floats) -> float:
-        value = of(samples[:, 0])
-        return value if len(names) == 1 else value / of(samples[:, 1])
+        ours, *reference = (of(model) for model in samples.T)
+        return ours / reference[0] if reference else ours
 
     return interval({one: rows[recording == one] for one in sorted(set(recording.tolist()))}, statistic)
 
@@ -131,45 +128,14 @@ def measured(forecasters: Sequence[Forecaster], moments: Sequence[Moment]) -> di
     return {"moments": len(moments), **horizon_results(found)}
 
 
-def plot(results: dict[str, Any], names: dict[str, str]) -> Figure:
-    """Distance and time-loss error over the horizon, vehicles recorded at the start.
-
-    Args:
-        results: as `horizon_results` gives them.
-        names: models to draw, in this order, and what to call them.
-    """
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(7.1, 2.9), layout="constrained")
-    for axes, quantity, label in zip(
-        figure.subplots(1, 2), QUANTITIES, ("distance error [m]", "time loss error [s]"), strict=True
-    ):
-        for k, (model, name) in enumerate(names.items()):
-            curves = results["models"][model]["recorded"][quantity]
-            color = f"C{k}"
-            axes.plot(results["time"], curves["rmse"], color=color, label=name, linewidth=1.4)
-            axes.plot(results["time"], curves["mad"], color=color, linestyle="--", linewidth=1.0)
-        axes.set_xlabel("horizon [s]")
-        axes.set_ylabel(label)
-        axes.set_xlim(0.0, 10.0)
-        axes.set_ylim(bottom=0.0)
-        axes.spines[["top", "right"]].set_visible(False)
-        axes.grid(color="#e4e4e1", linewidth=0.6)
-    axes.plot([], [], color="#555", linewidth=1.4, label="RMSE")
-    axes.plot([], [], color="#555", linestyle="--", linewidth=1.0, label="MAD")
-    handles, labels = axes.get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside upper center", ncols=4, frameon=False, fontsize=8)
-    return figure
-
-
 def main(options: Options) -> int:
     """Measures as told, prints the table, writes the results; returns the exit status."""
     try:
         moments, refused = moments_of(Scenes.load(options.scenes).select(options.split))
         results = measured([Predictor.load(policy) for policy in options.policies], moments)
-        print(table(results))
+        print(errors_text(results))
         if options.figure:
-            write_figure(plot(results, {name: name for name in results["models"]}), options.figure)
+            write_figure(plot_errors(results, {name: name for name in results["models"]}), options.figure)
         write_result(
             options.out / f"horizon_{options.split}.json", {"split": options.split, "refused": len(refused), **results}
         )
@@ -177,13 +143,3 @@ def main(options: Options) -> int:
         print(f"error: {error}", file=sys.stderr)
         return 1
     return 0
-
-
-def table(results: dict[str, Any]) -> str:
-    """Each model's errors after 10 s with their intervals, as text."""
-    lines = [f"{'10 s, recorded':<20} {'RMSE [m]':>20} {'MAD [m]':>20} {'time loss RMSE [s]':>20} {'80 % [s]':>20}"]
-    for name, row in results["at_10s"].items():
-        keys = ("distance_rmse", "distance_mad", "time_loss_rmse", "time_loss_q80")
-        cells = [f"{row[key]['value']:.2f} [{row[key]['low']:.2f}, {row[key]['high']:.2f}]" for key in keys]
-        lines.append(f"{name:<20} " + " ".join(f"{cell:>20}" for cell in cells))
-    return "\n".join(lines)

@@ -8,13 +8,10 @@ does not. Machines are noisy: compare within one run.
 
 from __future__ import annotations
 
-import gc
-import importlib
 import os
 import sys
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import partial
 from itertools import islice
@@ -24,27 +21,27 @@ from typing import Any
 import numpy as np
 from tqdm import tqdm
 
-from experiments.bench.environment_peers import in_own_process
+from experiments.bench.own_process import in_own_process
 from experiments.bench.predictor import CYCLE, SIZES
 from experiments.bench.stopwatch import reference_rate
 from experiments.bench.timed_traffic import random_traffics
+from experiments.measure import runtime_libsumo
+from experiments.measure.timed_calls import Times, milliseconds, model_row
 from experiments.results_files import write_result
-from experiments.show.runtime import fits, plot, table
+from experiments.show.runtime import plot_runtimes, runtimes_text
 from intersection_env import Predictor, Traffic, _core
 from intersection_env.plots.files import write_figure
 from intersection_env.policies.file import PolicyFile
 from intersection_env.traffic import FLOAT_FIELDS
 
 BATCH = 64  # scenarios a call
-BLOCK, WARM_UP = 100, 5  # scenes between one case's turns; calls before each turn that do not count
+TURN = 100  # scenes, of one case
 TORCH_SIZES, TORCH_SCENES, TORCH_REPEATS = (2, 5, 10, 15), 10, 3
 PAPER = {"vehicles": 15, "ms": 3.5, "maneuvers_per_cycle": 50, "core": "AMD Ryzen 7 3700X"}
 """An upper bound of one prediction's time and a lower one of what fits in a cycle. Source: paper, Section IV-C.3."""
 
 Case = Callable[[Traffic], Callable[[], object]]
 """For a traffic, the call that is timed."""
-Times = dict[int, list[float]]
-"""By number of vehicles [ms]."""
 
 
 @dataclass(frozen=True)
@@ -81,7 +78,7 @@ def runtime_results(options: Options) -> dict[str, Any]:
     results |= {"steps": _core.STEPS, "cores": os.cpu_count(), "isa": _core.kernel_name()} | core_times(cases, options)
     results["reference_gflops"] = [*reference, reference_rate()]
     models = results["models"]
-    libsumo = in_own_process("experiments.measure.runtime_libsumo", "libsumo")
+    libsumo = in_own_process(runtime_libsumo.__name__, "libsumo")
     models |= {name: libsumo.get(name, libsumo) for name in ("libsumo", "libsumo, steps alone")}  # or why it is missing
     models["torch"] = torch_times(ours.policy, options.seed)
     results["fits"] = {name: fits(models[name]) for name in ("ours", "ours, batch")}
@@ -123,21 +120,21 @@ def _batch(predictor: Predictor) -> Case:
 def core_times(cases: Mapping[str, Case], options: Options) -> dict[str, Any]:
     """Each case's times, the mean number of pairs by number of vehicles, and how much of a core there was.
 
-    Cases and numbers take turns, a block of scenes each, so that a machine that slows down slows all of them alike.
+    Cases and numbers take turns, so many scenes each, so that a machine that slows down slows all of them alike.
     """
     taken: dict[str, Times] = {name: {size: [] for size in SIZES} for name in cases}
     pairs, wall, work = dict.fromkeys(SIZES, 0), 0.0, 0.0
     scenes = random_scenes(options.scenes, options.seed)
     with tqdm(total=options.scenes, desc="runtime", unit="scene", disable=None) as bar:
-        while block := list(islice(scenes, BLOCK)):
+        while turn := list(islice(scenes, TURN)):
             begin, begin_of_work = time.perf_counter(), time.process_time()
             for size in SIZES:
-                traffics = [scene[size] for scene in block]
+                traffics = [scene[size] for scene in turn]
                 pairs[size] += sum(len(traffic.conflicts) for traffic in traffics)
                 for name, case in cases.items():
                     taken[name][size] += milliseconds([case(traffic) for traffic in traffics])
             wall, work = wall + time.perf_counter() - begin, work + time.process_time() - begin_of_work
-            bar.update(len(block))
+            bar.update(len(turn))
     models = {
         name: model_row(times, "one call a scene", BATCH if name.endswith("batch") else 1)
         for name, times in taken.items()
@@ -146,53 +143,38 @@ def core_times(cases: Mapping[str, Case], options: Options) -> dict[str, Any]:
     return {"models": models, "pairs": means, "core_share": work / wall}
 
 
-def milliseconds(calls: Sequence[Callable[[], object]]) -> list[float]:
-    """What each call takes [ms], after a few that warm up, without garbage collection."""
-    taken = []
-    with garbage_kept():
-        for call in calls[:WARM_UP]:
-            call()
-        for call in calls:
-            begin = time.perf_counter_ns()
-            call()
-            taken.append((time.perf_counter_ns() - begin) * 1e-6)
-    return taken
+def fits(model: Mapping[str, Any]) -> dict[str, Any]:
+    """By statistic and kind of polynomial; medians as well, which others on the machine disturb less."""
+    found = {}
+    for statistic in ("mean", "median"):
+        times = {int(size): row[statistic] for size, row in model["vehicles"].items()}
+        found[statistic] = {kind: fit(times, degree) for degree, kind in ((1, "linear"), (2, "quadratic"))}
+    return found
 
 
-@contextmanager
-def garbage_kept() -> Iterator[None]:
-    was_enabled = gc.isenabled()
-    gc.disable()
-    try:
-        yield
-    finally:
-        if was_enabled:
-            gc.enable()
+def fit(times: Mapping[int, float], degree: int) -> dict[str, Any]:
+    """The least-squares polynomial: its coefficients, the constant first, and what share of the variance it explains.
 
-
-def model_row(times: Times, doing: str, scenarios: int = 1) -> dict[str, Any]:
-    """What a model did; by number of vehicles the times of one of the scenarios of a call [ms] and how many calls."""
-    rows = {
-        str(size): {
-            "mean": float(np.mean(of)) / scenarios,
-            "median": float(np.median(of)) / scenarios,
-            "calls": len(of),
-        }
-        for size, of in times.items()
-        if of
-    }
-    return {"vehicles": rows, "doing": doing}
+    Args:
+        times: by number of vehicles.
+    """
+    sizes, values = np.array(list(times), float), np.array(list(times.values()))
+    coefficients = np.polynomial.polynomial.polyfit(sizes, values, degree)
+    rest = values - np.polynomial.polynomial.polyval(sizes, coefficients)
+    return {"coefficients": coefficients.tolist(), "explained": float(1.0 - rest.var() / values.var())}
 
 
 def torch_times(policy: PolicyFile, seed: int) -> dict[str, Any]:
     """The same model as plain torch operations, one scenario, of a few scenes and numbers of vehicles."""
-    torch = importlib.import_module("torch")
+    import torch
+
+    from imitation.torch_model import TorchPredictor
+
     torch.set_num_threads(1)
-    of_traffic = importlib.import_module("imitation.torch_model").TorchPredictor
     times: Times = {size: [] for size in TORCH_SIZES}
     for scene in random_scenes(TORCH_SCENES, seed):
         for size in TORCH_SIZES:
-            predictor = of_traffic(scene[size], policy)
+            predictor = TorchPredictor(scene[size], policy)
             assignment = torch.zeros((1, len(predictor.i)), dtype=torch.int8)
             times[size] += milliseconds([partial(predictor.predict, assignment)] * TORCH_REPEATS)
     return model_row(times, f"{TORCH_SCENES} scenes, {TORCH_REPEATS} times each")
@@ -202,13 +184,13 @@ def main(options: Options) -> int:
     """Times as told, prints the table, writes the results and the figure; returns the exit status."""
     try:
         results = runtime_results(options)
-        print(table(results))
+        print(runtimes_text(results))
         write_result(options.out / "runtime.json", results)
         if options.figure:
             from matplotlib import rc_context
 
             with rc_context({"pdf.fonttype": 42}):  # TrueType; publishers refuse matplotlib's default, Type 3
-                write_figure(plot(results), options.figure)
+                write_figure(plot_runtimes(results), options.figure)
     except (OSError, ValueError) as error:
         print(f"error: {error}", file=sys.stderr)
         return 1

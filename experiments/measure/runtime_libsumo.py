@@ -6,20 +6,21 @@ python -m experiments.measure.runtime_libsumo
 from __future__ import annotations
 
 import importlib
-import json
 import sys
 import tempfile
 import time
 from pathlib import Path
 from typing import Any
 
-from experiments.bench.environment_peers import MAP, NOT_INSTALLED, drivers, keep_present, sumo_files
+from data.sumo import network as sumo_network
+from data.sumo.command import command_of, dense_traffic, keep_present, without_drivers
+from experiments.bench.own_process import print_row
 from experiments.bench.predictor import SIZES
 from experiments.bench.predictor_peers import SEARCHED
-from experiments.measure.runtime import Times, garbage_kept, model_row
+from experiments.bench.stopwatch import core_watch
+from experiments.measure.timed_calls import Times, garbage_kept, model_row
 from intersection_env import _core
 from intersection_env.constants import DT
-from intersection_env.maps.source import MapSource
 
 SUMO_STATES, SUMO_SPACING, SUMO_REPEATS = 20, 2.0, 3  # a number of vehicles; [s] of one number's, at least; of each
 
@@ -27,15 +28,14 @@ SUMO_STATES, SUMO_SPACING, SUMO_REPEATS = 20, 2.0, 3  # a number of vehicles; [s
 def libsumo_times() -> dict[str, Any]:
     """50 steps of 0.2 s from states of libsumo's own traffic: restoring included, and the steps alone."""
     libsumo = importlib.import_module("libsumo")
-    source = MapSource.read(MAP)
-    begin, begin_of_work = time.perf_counter(), time.process_time()
+    source, network = sumo_network.read()
+    core_share = core_watch()
     whole: Times = {size: [] for size in SIZES}
     alone: Times = {size: [] for size in SIZES}
     with tempfile.TemporaryDirectory() as folder, garbage_kept():
-        command = sumo_files(source, drivers(source, SEARCHED), Path(folder))
+        command = command_of(network, dense_traffic(source, SEARCHED), Path(folder))
         states = _libsumo_states(libsumo, command, Path(folder))
-        routes = command.index("-r")
-        libsumo.start(command[:routes] + command[routes + 2 :])  # nobody else enters
+        libsumo.start(without_drivers(command))
         for size, state in states * SUMO_REPEATS:
             started = time.perf_counter()
             libsumo.simulation.loadState(state)
@@ -46,7 +46,7 @@ def libsumo_times() -> dict[str, Any]:
             whole[size].append(1e3 * (done - started))
             alone[size].append(1e3 * (done - restored))
         libsumo.close()
-    share = (time.process_time() - begin_of_work) / (time.perf_counter() - begin)
+    share = core_share()
     doing = f"{SUMO_REPEATS} times each of up to {SUMO_STATES} states; {_core.STEPS} steps of {DT} s"
     whole_row = model_row(whole, f"{doing}, restoring included") | {"core_share": share}
     return {"libsumo": whole_row, "libsumo, steps alone": model_row(alone, doing) | {"core_share": share}}
@@ -72,12 +72,7 @@ def _libsumo_states(libsumo: Any, command: list[str], folder: Path) -> list[tupl
 
 def main() -> int:
     """Prints its times as JSON; returns the exit status."""
-    try:
-        print(json.dumps(libsumo_times()))
-    except ModuleNotFoundError as error:
-        print(error, file=sys.stderr)
-        return NOT_INSTALLED
-    return 0
+    return print_row(libsumo_times)
 
 
 if __name__ == "__main__":

@@ -10,7 +10,7 @@ import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 import numpy as np
 import torch
@@ -22,21 +22,19 @@ from tqdm import tqdm
 from agents.networks.export import driving_network
 from agents.rollouts.validation_run import STEPS, ValidationRun, validation_run
 from experiments.results_files import write_result
+from experiments.show.validation_run import plot_accelerations, runs_text
 from imitation.expert import expert_steps
 from intersection_env.constants import ACCELERATION
+from intersection_env.evaluation.intervals import COVERAGE
 from intersection_env.plots.files import write_figure
 from intersection_env.prediction.predictor import Predictor
 from intersection_env.scenes.scenes import Scenes
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 SEED = 2**41  # of no training
 VEHICLES = 12
 WORLDS = 20  # of the longer run
 QUANTILES = (0.01, 0.05, 0.25, 0.5, 0.75, 0.95, 0.99)
 EDGES = np.linspace(-ACCELERATION, ACCELERATION, 121)  # [m/s²] of the histogram
-COVERAGE = 0.95
 
 
 @dataclass(frozen=True)
@@ -78,7 +76,7 @@ def closed_loop_results(
         ValueError: a policy has no driving network.
     """
     drivers: dict[str, Any] = {}
-    accelerations = {"recorded": _spread(np.histogram(recorded, EDGES)[0], np.quantile(recorded, QUANTILES))}
+    accelerations = {"recorded": _spread(recorded)}
     with tqdm(total=len(predictors) * len(gaps), desc="closed loop", disable=None) as bar:
         for predictor in predictors:
             policy = driving_network(predictor.policy)
@@ -92,10 +90,8 @@ def closed_loop_results(
                 once = validation_run(policy, gap=gap, seed=SEED, vehicles=VEHICLES)
                 longer = validation_run(policy, gap=gap, seed=SEED, vehicles=VEHICLES, worlds=worlds, watch=watch)
                 drivers[predictor.name][name] = dataclasses.asdict(once) | {"longer": _longer(longer)}
-                if not accelerations.get(predictor.name):
-                    values = np.concatenate(seen)
-                    spread = _spread(np.histogram(values, EDGES)[0], np.quantile(values, QUANTILES))
-                    accelerations[predictor.name] = spread
+                if predictor.name not in accelerations:
+                    accelerations[predictor.name] = _spread(np.concatenate(seen))
                 bar.update()
     return {"drivers": drivers, "quantiles": QUANTILES, "edges": EDGES.round(3).tolist(), "acceleration": accelerations}
 
@@ -117,51 +113,10 @@ def poisson_interval(count: int) -> tuple[float, float]:
     return low, 0.5 * float(chi2.ppf(1.0 - tail, 2 * count + 2))
 
 
-def _spread(counts: NDArray[np.int64], quantiles: NDArray[np.floating]) -> dict[str, list[float]]:
-    share = counts / counts.sum()
-    return {"quantiles": quantiles.round(3).tolist(), "histogram": share.round(6).tolist()}
-
-
-def plot(results: dict[str, Any], names: Mapping[str, str]) -> Figure:
-    """The shares of accelerations, these drivers beside the recorded ones.
-
-    Args:
-        results: as `closed_loop_results` gives them.
-        names: drivers to draw, in this order, and what to call them.
-    """
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(3.5, 2.6), layout="constrained")
-    axes = figure.subplots()
-    middles = 0.5 * (np.array(results["edges"][1:]) + np.array(results["edges"][:-1]))
-    width = results["edges"][1] - results["edges"][0]
-    for k, (driver, name) in enumerate({"recorded": "recorded", **names}.items()):
-        spread = results["acceleration"][driver]
-        style: dict[str, Any] = {"color": "#555", "linewidth": 2.0} if driver == "recorded" else {"color": f"C{k - 1}"}
-        axes.plot(middles, np.maximum(spread["histogram"], 1e-6) / width, label=name, **style)
-    axes.set_yscale("log")
-    axes.set_ylim(bottom=1e-4)
-    axes.set_xlabel("acceleration [m/s²]")
-    axes.set_ylabel("density [s²/m]")
-    axes.spines[["top", "right"]].set_visible(False)
-    axes.grid(color="#e4e4e1", linewidth=0.6)
-    axes.legend(frameon=False, fontsize=8)
-    return figure
-
-
-def table(results: dict[str, Any]) -> str:
-    """The figures of the runs, as text."""
-    lines = [f"{'driver':<8} {'gaps by':<14} {'reward':>7} {'between':>8} {'collisions /s':>28} {'speed':>6}"]
-    for name, rows in results["drivers"].items():
-        for gap, once in rows.items():
-            run = once["longer"]
-            found = run["collisions"]
-            collisions = f"{found['value']:.1e} [{found['low']:.1e}, {found['high']:.1e}]"
-            figures = (
-                f"{run['reward']:>7.2f} {run['reward_between_collisions']:>8.2f} {collisions:>28} {run['speed']:>6.1f}"
-            )
-            lines.append(f"{name:<8} {gap:<14} {figures}")
-    return "\n".join(lines)
+def _spread(acceleration: NDArray[np.floating]) -> dict[str, list[float]]:
+    counts, _ = np.histogram(acceleration, EDGES)
+    quantiles = np.quantile(acceleration, QUANTILES).round(3)
+    return {"quantiles": quantiles.tolist(), "histogram": (counts / counts.sum()).round(6).tolist()}
 
 
 def main(options: Options) -> int:
@@ -174,9 +129,9 @@ def main(options: Options) -> int:
             dict(zip(options.gaps, options.gaps, strict=True)),
             recorded,
         )
-        print(f"{WORLDS} worlds of {VEHICLES} vehicles, {STEPS} steps\n{table(results)}")
+        print(f"{WORLDS} worlds of {VEHICLES} vehicles, {STEPS} steps\n{runs_text(results)}")
         if options.figure:
-            write_figure(plot(results, {name: name for name in results["drivers"]}), options.figure)
+            write_figure(plot_accelerations(results, {name: name for name in results["drivers"]}), options.figure)
         write_result(options.out / "closed_loop.json", results)
     except (OSError, ValueError) as error:
         print(f"error: {error}", file=sys.stderr)

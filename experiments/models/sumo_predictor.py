@@ -8,15 +8,12 @@ network is the project's, with its speeds in curves and its distances at which a
 SUMO plays at home: they were made by its models on this network, only with other drivers.
 
 libsumo crashes now and then, so `predictions` runs it in a process of its own.
-`python -m experiments.sumo_predictor` prints its errors beside the calibrated IDM's.
 """
 
 from __future__ import annotations
 
-import argparse
 import importlib
 import tempfile
-import time
 from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
@@ -29,16 +26,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from data.sumo import network as sumo_network
-from experiments.bench.environment_peers import MAP, sumo_files
+from data.sumo.command import command_of
 from experiments.models.from_trajectories import prediction_of_trajectories
 from intersection_env.constants import STEPS
-from intersection_env.evaluation.errors import evaluate
-from intersection_env.evaluation.moments import moments_of
 from intersection_env.maps.intersection import Intersection
-from intersection_env.maps.source import MapSource
-from intersection_env.prediction.predictor import Prediction, Predictor
-from intersection_env.scenes.scene import SPLITS
-from intersection_env.scenes.scenes import Scenes
+from intersection_env.prediction.predictor import Prediction
 from intersection_env.traffic import Traffic
 
 CHUNK = 100  # traffics that are done again after a crash
@@ -54,10 +46,9 @@ class SumoPredictor:
     name = "sumo"
 
     def __init__(self) -> None:
-        """Prepares the network; SUMO moments_of with the context."""
-        self._source = MapSource.read(MAP)
-        self._intersection = Intersection.load(MAP.with_suffix(".map"))
-        self._arcs = sumo_network.build(self._source, MAP.with_suffix(".map").read_text(encoding="utf-8")).arcs
+        """Prepares the network; SUMO starts with the context."""
+        self._intersection = Intersection.load(sumo_network.MAP.with_suffix(".map"))
+        _, self._network = sumo_network.read()
 
     def __enter__(self) -> SumoPredictor:
         """Starts SUMO.
@@ -73,7 +64,7 @@ class SumoPredictor:
         if self._sumo.isLoaded():
             raise RuntimeError("libsumo is already running in this process, and there can be only one")
         self._folder = tempfile.TemporaryDirectory()
-        self._command = [*sumo_files(self._source, [], Path(self._folder.name)), "--collision.action", "none"]
+        self._command = [*command_of(self._network, [], Path(self._folder.name)), "--collision.action", "none"]
         self._sumo.start(self._command)
         return self
 
@@ -103,7 +94,7 @@ class SumoPredictor:
                 self._sumo.simulationStep()
             for id in vehicle.getIDList():
                 i = int(id)
-                begin, scale = self._arcs[routes[i], vehicle.getLaneID(id)]
+                begin, scale = self._network.arcs[routes[i], vehicle.getLaneID(id)]
                 position[step:, i] = begin + scale * vehicle.getLanePosition(id) - 0.5 * traffic.length[i]
                 speed[step:, i] = scale * vehicle.getSpeed(id)
                 present[step, i] = True
@@ -129,10 +120,15 @@ class SumoPredictor:
             vehicle.setWidth(id, float(traffic.width[i]))
             if is_bicycle:
                 vehicle.setMaxSpeed(id, float(traffic.max_speed[i]))
-            lanes = [(lane, *arc) for (of, lane), arc in self._arcs.items() if of == route.id and arc[0] <= front]
-            lane, begin, scale = lanes[-1]
+            lane, begin, scale = self._lane_at(route.id, front)
             vehicle.moveTo(id, lane, (front - begin) / scale)
             vehicle.setPreviousSpeed(id, float(traffic.speed[i]) / scale, 0.0)
+
+    def _lane_at(self, route: str, front: float) -> tuple[str, float, float]:
+        """SUMO's lane where a front is on a route; where the lane begins [m], and metres of route per metre of it."""
+        arcs = self._network.arcs.items()
+        reached = [(lane, begin, scale) for (of, lane), (begin, scale) in arcs if of == route and begin <= front]
+        return reached[-1]
 
 
 class StoredPredictions:
@@ -182,17 +178,3 @@ def predictions(traffics: Sequence[Traffic]) -> StoredPredictions:
 def _predict(traffics: Sequence[Traffic]) -> list[Prediction]:
     with SumoPredictor() as predictor:
         return [predictor.predict(one) for one in traffics]
-
-
-def main() -> None:
-    """Prints the errors."""
-    parser = argparse.ArgumentParser(prog="python -m experiments.sumo_predictor", description=__doc__)
-    parser.add_argument("--scenes", default="bendplatz", help="scenes that ship, or a scenes file")
-    parser.add_argument("--split", default="development", choices=SPLITS)
-    options = parser.parse_args()
-    moments, _ = moments_of(Scenes.load(options.scenes).select(options.split))
-    begin = time.perf_counter()
-    sumo = predictions([one.traffic for one in moments])
-    print(f"{len(moments)} moments, {(time.perf_counter() - begin) / len(moments) * 1e3:.1f} ms each by SUMO")
-    for one in (sumo, Predictor.load("idm_calibrated")):
-        print(evaluate(one, moments).round(2).to_string(index=False))

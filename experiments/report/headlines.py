@@ -4,9 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
+from experiments.show.tables import in_percent, in_unit
+
 Json = Mapping[str, Any]
+
+percent = partial(in_percent, unit="%")
 
 
 @dataclass(frozen=True)
@@ -34,19 +39,19 @@ def headlines(results: Json) -> Iterator[Row]:
         name: f"python -m experiments.{name} --split validation --out out"  # not into the results of `make reproduce`
         for name in ("gap", "crossing_order", "horizon")
     }
-    yield Row("gap decision right, frames", "94.5 %", in_percent(gap["network"]["accuracy"]), command=commands["gap"])
-    yield Row("the same by SUMO's rule", "86.0 %", in_percent(gap["sumo"]["accuracy"]), command=commands["gap"])
+    yield Row("gap decision right, frames", "94.5 %", percent(gap["network"]["accuracy"]), command=commands["gap"])
+    yield Row("the same by SUMO's rule", "86.0 %", percent(gap["sumo"]["accuracy"]), command=commands["gap"])
     yield Row(
-        "network minus SUMO's rule", "8.5 %", in_percent(lead), "above 0, all of it", lead["low"] > 0.0, commands["gap"]
+        "network minus SUMO's rule", "8.5 %", percent(lead), "above 0, all of it", lead["low"] > 0.0, commands["gap"]
     )
     order = results["order_validation"]["recorded"]["models"]["gail"]
     right = order["accuracy"]
     order_command = commands["crossing_order"]
     met = right["value"] >= 0.836
-    yield Row("crossing order right", "83.6 %", in_percent(right), "at least 83.6 %", met, order_command)
+    yield Row("crossing order right", "83.6 %", percent(right), "at least 83.6 %", met, order_command)
     for other, name in (("priority_first", "priority first"), ("sumo_rule", "SUMO's rule")):
         minus = order["minus"][other]
-        yield Row(f"that minus {name}", "", in_percent(minus), "above 0", minus["value"] > 0.0, order_command)
+        yield Row(f"that minus {name}", "", percent(minus), "above 0", minus["value"] > 0.0, order_command)
     gail = results["horizon_validation"]["at_10s"]["gail"]
     for key, what, paper, unit in (
         ("distance_rmse", "distance RMSE at 10 s", "14 m", "m"),
@@ -74,7 +79,7 @@ def _closed_loop_rows(run: Json) -> Iterator[Row]:
     met = run["collisions"] < 1e-3
     once = f"{run['collisions']:.1e}"
     yield Row("... collisions a second and agent", "below 1e-3", once, "below 1e-3", met, command)
-    longer = f"{collisions['value']:.1e} [{collisions['low']:.1e}, {collisions['high']:.1e}]"
+    longer = in_unit(collisions, form=".1e")
     yield Row(f"... the same over {run['longer']['seconds']:.0f} s", "", longer, command=command)
     met = run["speed"] >= 6.0
     yield Row("... mean speed", "6 m/s", f"{run['speed']:.1f} m/s", "at least 6 m/s", met, command)
@@ -87,12 +92,3 @@ def _runtime_rows(runtime: Json) -> Iterator[Row]:
     count = runtime["maneuvers_per_cycle"]
     wanted = paper["maneuvers_per_cycle"]
     yield Row("maneuvers in 200 ms", f"over {wanted}", f"{count:,}", f"over {wanted}", count > wanted, command)
-
-
-def in_unit(found: Mapping[str, float], unit: str = "") -> str:
-    text = f"{found['value']:.2f} [{found['low']:.2f}, {found['high']:.2f}]"
-    return f"{text} {unit}".rstrip()
-
-
-def in_percent(found: Mapping[str, float]) -> str:
-    return f"{100.0 * found['value']:.1f} [{100.0 * found['low']:.1f}, {100.0 * found['high']:.1f}] %"

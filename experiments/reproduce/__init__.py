@@ -1,1 +1,1 @@
-"""`make reproduce` and `make ablations`: trainings and measurements as stages of one job."""
+"""`make reproduce` and `make ablations`: trainings and measurements as stages in one workspace."""

@@ -25,8 +25,9 @@ from experiments.measure.horizon import horizon_results
 from experiments.models.lead_across import AcrossPredictor, TorchForecaster
 from experiments.reproduce.stages import exit_status_of, run_trainings
 from experiments.reproduce.trainings import Trainings
-from experiments.reproduce.workspace import Job, Options
+from experiments.reproduce.workspace import Options, Workspace
 from experiments.results_files import write_result
+from experiments.show.ablations import LEAD_MOMENTS, ablation_tables
 from imitation.gail import PROFILES as GAIL_PROFILES
 from imitation.replay_error import replay_error
 from imitation.torch_model import TorchPredictor
@@ -52,53 +53,62 @@ GAIL = {
 """Options of `imitation.gail`, where they are not the default ones; {gap} is the gap network's policy file."""
 DEFAULT_GAP, DEFAULT_GAIL = "gap network, nothing changed", "GAIL, nothing changed"
 IN_CORE, IN_TORCH, ACROSS = "in one's own lane", "the same, as plain torch operations", "who stands across the path too"
-LEAD_MOMENTS = 500
 
 
 class Ablations:
     """The stages of the ablations."""
 
-    def __init__(self, job: Job) -> None:
-        self.job = job
-        self.output = job.options.out / "ablations.json"
+    def __init__(self, workspace: Workspace) -> None:
+        self.workspace = workspace
+        self.options = workspace.options
+        self.output = workspace.options.out / "ablations.json"
 
     def run(self) -> None:
         """Trains each variant that has not been trained, and measures all."""
-        changes = {"gap": GAP, "gail": GAIL}
-        options = self.job.options
-        inputs = {"changes": changes, "effort": options.effort, "seeds": list(options.seeds)}
-        self.job.stage("ablations", ["gail"], self.output, self._all, **inputs)
+        inputs = {
+            "changes": {"gap": GAP, "gail": GAIL},
+            "effort": self.options.effort,
+            "seeds": list(self.options.seeds),
+        }
+        self.workspace.stage("ablations", ["gail"], self.output, self._all, **inputs)
 
     def _all(self) -> None:
-        gap = {name: self.job.run_of(f"ablation_gap_{place}") for place, name in enumerate(GAP)}
-        gail = {name: self.job.run_of(f"ablation_gail_{place}") for place, name in enumerate(GAIL)}
-        scenes, policy, seed = str(self.job.scenes), str(self.job.policy("gap")), self.job.options.seeds[0]
-        commands = {gap[name]: ["agents.gap", "default", "--scenes", scenes, *options] for name, options in GAP.items()}
-        self._train(commands, GAP_PROFILES["default"][1].epochs)
-        common = ["imitation.gail", "default", "--scenes", scenes, "--decider", policy, "--seed", str(seed)]
-        start = ["--ppo", str(self.job.run_of(f"ppo_{seed}"))]
-        commands = {
-            gail[name]: [*common, *([] if "--ppo" in options else start), *(one.format(gap=policy) for one in options)]
-            for name, options in GAIL.items()
-        }
-        self._train(
-            {run: [*command, "--threads", "1"] for run, command in commands.items()}, GAIL_PROFILES["default"][1].epochs
-        )
-        gap = {DEFAULT_GAP: self.job.run_of("gap")} | gap
-        default = {f"{DEFAULT_GAIL}, seed {one}": self.job.run_of(f"gail_{one}") for one in self.job.options.seeds}
-        gail = default | gail
+        gap, gail = self._trained_gaps(), self._trained_drivers()
         content = {"gap": self._gaps(gap), "gail": self._drivers(gail), "lead": self._leads()}
         write_result(self.output, content)
 
+    def _trained_gaps(self) -> dict[str, Path]:
+        """The run of each gap network, the one with nothing changed first."""
+        runs = {name: self.workspace.run_of(f"ablation_gap_{place}") for place, name in enumerate(GAP)}
+        common = ["agents.gap", "default", "--scenes", str(self.workspace.scenes)]
+        commands = {runs[name]: [*common, *changed] for name, changed in GAP.items()}
+        self._train(commands, GAP_PROFILES["default"][1].epochs)
+        return {DEFAULT_GAP: self.workspace.run_of("gap")} | runs
+
+    def _trained_drivers(self) -> dict[str, Path]:
+        """The run of each driver, those with nothing changed first, with every seed."""
+        runs = {name: self.workspace.run_of(f"ablation_gail_{place}") for place, name in enumerate(GAIL)}
+        gap, (seed, *_) = str(self.workspace.policy("gap")), self.options.seeds
+        common = ["imitation.gail", "default", "--scenes", str(self.workspace.scenes)]
+        common += ["--decider", gap, "--seed", str(seed)]
+        start = ["--ppo", str(self.workspace.run_of(f"ppo_{seed}"))]
+        commands = {}
+        for name, changed in GAIL.items():
+            from_ppo = [] if "--ppo" in changed else start
+            commands[runs[name]] = [*common, *from_ppo, *(one.format(gap=gap) for one in changed), "--threads", "1"]
+        self._train(commands, GAIL_PROFILES["default"][1].epochs)
+        unchanged = {f"{DEFAULT_GAIL}, seed {one}": self.workspace.run_of(f"gail_{one}") for one in self.options.seeds}
+        return unchanged | runs
+
     def _train(self, commands: Mapping[Path, list[str]], epochs: int) -> None:
-        wanted = max(1, round(self.job.options.effort * epochs))
+        wanted = self.workspace.epochs(epochs)
         common = ["--epochs", str(wanted), "--resume"]
         trainings = {run: [*command, *common, "--run", str(run)] for run, command in commands.items()}
         run_trainings(trainings, wanted, os.cpu_count() or 1)
 
     def _gaps(self, runs: Mapping[str, Path]) -> dict[str, Any]:
         """Per variant: how often frames are decided rightly, and what comes of it with the calibrated IDM."""
-        idm = PolicyFile.read(self.job.policy("idm_calibrated"))
+        idm = PolicyFile.read(self.workspace.policy("idm_calibrated"))
         found = {}
         for name, run in runs.items():
             policy = PolicyFile.read(run / "gap.policy")
@@ -116,7 +126,8 @@ class Ablations:
         All are measured with the checkpoint that predicted best, so `last` [m] says what choosing it was worth: the
         error of the last one, beside the `best`, as the training saw them (root of the mean square over 2 to 10 s).
         """
-        policies = {"PPO alone, without GAIL": self.job.run_of(f"ppo_{self.job.options.seeds[0]}") / "ppo.policy"}
+        start = self.workspace.run_of(f"ppo_{self.options.seeds[0]}")
+        policies = {"PPO alone, without GAIL": start / "ppo.policy"}
         policies |= {name: run / "gail.policy" for name, run in runs.items()}
         found = {}
         for name, path in policies.items():
@@ -133,7 +144,7 @@ class Ablations:
 
     def _leads(self) -> dict[str, Any]:
         """With whom to follow changed, in predictions; no driver has been trained with it."""
-        policy = PolicyFile.read(self.job.policy("gail"))
+        policy = PolicyFile.read(self.workspace.policy("gail"))
         forecasters: tuple[Forecaster, ...] = (
             Predictor(policy, IN_CORE),
             TorchForecaster(IN_TORCH, policy, TorchPredictor),
@@ -150,7 +161,7 @@ class Ablations:
 
     @cached_property
     def _scenes(self) -> Scenes:
-        return Scenes.load(self.job.scenes)
+        return Scenes.load(self.workspace.scenes)
 
     @cached_property
     def _moments(self) -> list[Moment]:
@@ -169,10 +180,10 @@ def ablate(options: Options) -> None:
     Raises:
         StageFailedError, ValueError, OSError: as of `Trainings.run`.
     """
-    job = Job(options)
-    Trainings(job).run()
-    Ablations(job).run()
-    print(table(json.loads((options.out / "ablations.json").read_text(encoding="utf-8"))))
+    workspace = Workspace(options)
+    Trainings(workspace).run()
+    Ablations(workspace).run()
+    print(ablation_tables(json.loads((options.out / "ablations.json").read_text(encoding="utf-8"))))
 
 
 def main(options: Options) -> int:
@@ -181,63 +192,5 @@ def main(options: Options) -> int:
     return exit_status_of(lambda: ablate(options))
 
 
-def table(results: Mapping[str, Any]) -> str:
-    """All tables as Markdown."""
-    return "\n\n".join((gap_table(results["gap"]), gail_table(results["gail"]), lead_table(results["lead"])))
-
-
-def gap_table(rows: Mapping[str, Any]) -> str:
-    """Markdown of the gap networks."""
-    lines = ["| gap network | frames right, recorded [%] | all [%] | crossing order right [%] | RMSE [m] | MAD [m] |"]
-    lines.append("|---" * 6 + "|")
-    for name, row in rows.items():
-        frames = [f"{100.0 * row['frames'][foes]:.1f}" for foes in ("recorded", "all")]
-        order = _percent(row["order"])
-        cells = [*frames, order, *(_metres(row[key]) for key in ("distance_rmse", "distance_mad"))]
-        lines.append(f"| {name} | {' | '.join(cells)} |")
-    return "\n".join(lines)
-
-
-def gail_table(rows: Mapping[str, Any]) -> str:
-    """Markdown of the drivers."""
-    heads = (
-        "driver",
-        "alone: RMSE [m]",
-        "MAD [m]",
-        "collided [%]",
-        "line run [%]",
-        "all predicted: RMSE [m]",
-        "MAD [m]",
-        "best, last checkpoint [m]",
-    )
-    lines = [f"| {' | '.join(heads)} |", "|---" * len(heads) + "|"]
-    for name, row in rows.items():
-        alone = row["alone"]
-        cells = [f"{alone['rmse']:.1f}", f"{alone['mad']:.1f}"]
-        cells += [f"{100.0 * alone[key]:.1f}" for key in ("collisions", "line_runs")]
-        cells += [_metres(row[key]) for key in ("distance_rmse", "distance_mad")]
-        seen = row["checkpoints"]
-        cells.append("" if seen is None else f"{seen['best']:.1f}, {seen['last']:.1f}")
-        lines.append(f"| {name} | {' | '.join(cells)} |")
-    return "\n".join(lines)
-
-
-def lead_table(rows: Mapping[str, Any]) -> str:
-    """Markdown of who leads."""
-    lines = ["| whom to follow | crossing order right [%] | RMSE [m] | MAD [m] |", "|---" * 4 + "|"]
-    for name, row in rows.items():
-        cells = (_percent(row["order"]), *(_metres(row[key]) for key in ("distance_rmse", "distance_mad")))
-        lines.append(f"| {name} | {' | '.join(cells)} |")
-    return "\n".join(lines)
-
-
-def _metres(found: Mapping[str, float]) -> str:
-    return f"{found['value']:.1f} [{found['low']:.1f}, {found['high']:.1f}]"
-
-
-def _percent(found: Mapping[str, float]) -> str:
-    return f"{100.0 * found['value']:.1f} [{100.0 * found['low']:.1f}, {100.0 * found['high']:.1f}]"
-
-
 if __name__ == "__main__":
-    sys.exit(main(tyro.cli(Options)))
+    sys.exit(main(tyro.cli(Options, prog="python -m experiments.reproduce.ablations")))

@@ -20,7 +20,7 @@ from experiments.measure.runtime import runtime_results
 from experiments.measure.validation_run import closed_loop_results
 from experiments.models.sumo_predictor import predictions as sumo_predictions
 from experiments.reproduce.stages import run_module
-from experiments.reproduce.workspace import Job
+from experiments.reproduce.workspace import Workspace
 from experiments.results_files import write_result
 from imitation.expert import expert_steps
 from imitation.replay_error import replay_error
@@ -39,29 +39,29 @@ UNTRAINED_SEED = 0
 class Measurements:
     """The stages that measure; each writes a results file."""
 
-    def __init__(self, job: Job) -> None:
-        self.job = job
-        self.options = job.options
+    def __init__(self, workspace: Workspace) -> None:
+        self.workspace = workspace
+        self.options = workspace.options
 
     def run(self) -> None:
         """All of them; validation is opened after development."""
         for split in ("development", "validation"):
             for name, work in (("horizon", self._horizon), ("order", self._order), ("gap", self._gap_accuracy)):
                 out = self.result(f"{name}_{split}")
-                self.job.stage(out.stem, ["gail"], out, partial(work, split))
-        self.job.stage("replay", ["gail"], self.result("replay_development"), self._replay)
-        self.job.stage("maneuvers", ["gail"], self.result("maneuvers_validation"), self._maneuvers)
-        self.job.stage("closed_loop", ["gail"], self.result("closed_loop"), self._closed_loop)
+                self.workspace.stage(out.stem, ["gail"], out, partial(work, split))
+        self.workspace.stage("replay", ["gail"], self.result("replay_development"), self._replay)
+        self.workspace.stage("maneuvers", ["gail"], self.result("maneuvers_validation"), self._maneuvers)
+        self.workspace.stage("closed_loop", ["gail"], self.result("closed_loop"), self._closed_loop)
         timed = self.options.scenes_timed
-        self.job.stage("runtime", ["gail"], self.result("runtime"), self._runtime, scenes=timed)
-        self._write("reproduced", {"about": self._about(), "seconds": self.job.seconds()})
+        self.workspace.stage("runtime", ["gail"], self.result("runtime"), self._runtime, scenes=timed)
+        self._write("reproduced", {"about": self._about(), "seconds": self.workspace.seconds()})
 
     def result(self, name: str) -> Path:
         """A results file."""
         return self.options.out / f"{name}.json"
 
     def _horizon(self, split: str) -> None:
-        scenes = Scenes.load(self.job.scenes).select(split)
+        scenes = Scenes.load(self.workspace.scenes).select(split)
         everybody: list[Forecaster] = [*self._models().values()]
         for seed in self.options.seeds:
             everybody += [self._named(f"{name}_{seed}") for name in ("gail", "ppo")]
@@ -80,60 +80,58 @@ class Measurements:
             return [], {"sumo": str(error)}
 
     def _order(self, split: str) -> None:
-        moments, _ = moments_of(Scenes.load(self.job.scenes).select(split))
+        moments, _ = moments_of(Scenes.load(self.workspace.scenes).select(split))
         models = self._models()
         results = order_results([models[name] for name in ("gail", "ppo", "idm", "idm_calibrated")], moments)
         self._write(f"order_{split}", {"split": split, **results})
 
     def _gap_accuracy(self, split: str) -> None:
-        policy, out = str(self.job.policy("gap")), str(self.options.out)
-        run_module(
-            "experiments.gap", "--scenes", str(self.job.scenes), "--policy", policy, "--split", split, "--out", out
-        )
+        arguments = ["--scenes", str(self.workspace.scenes), "--policy", str(self.workspace.policy("gap"))]
+        run_module("experiments.gap", *arguments, "--split", split, "--out", str(self.options.out))
 
     def _replay(self) -> None:
-        scenes = Scenes.load(self.job.scenes)
+        scenes = Scenes.load(self.workspace.scenes)
         torch.manual_seed(UNTRAINED_SEED)
         networks = {"untrained": DrivingNetwork()}
         for name in ("ppo", "gail"):
             for one in (name, *(f"{name}_{seed}" for seed in self.options.seeds)):
-                networks[one] = driving_network(PolicyFile.read(self.job.policy(one)))
+                networks[one] = driving_network(PolicyFile.read(self.workspace.policy(one)))
         found = {
             one: dataclasses.asdict(replay_error(network, scenes, "development")) for one, network in networks.items()
         }
         self._write("replay_development", found)
 
     def _maneuvers(self) -> None:
-        moments, _ = moments_of(Scenes.load(self.job.scenes).select("validation"))
+        moments, _ = moments_of(Scenes.load(self.workspace.scenes).select("validation"))
         results = maneuver_results(self._named("gail"), contested(moments), SEED)
         self._write("maneuvers_validation", results)
 
     def _closed_loop(self) -> None:
-        recorded = expert_steps(Scenes.load(self.job.scenes), "validation").acceleration
+        recorded = expert_steps(Scenes.load(self.workspace.scenes), "validation").acceleration
         drivers = ["ppo", "gail", *(f"{name}_{seed}" for name in ("ppo", "gail") for seed in self.options.seeds)]
         results = closed_loop_results([self._named(one) for one in drivers], self._gaps(), recorded)
         self._write("closed_loop", results)
 
     def _runtime(self) -> None:
-        timed = RuntimeOptions(policy=str(self.job.policy("gail")), scenes=self.options.scenes_timed)
+        timed = RuntimeOptions(policy=str(self.workspace.policy("gail")), scenes=self.options.scenes_timed)
         self._write("runtime", runtime_results(timed))
 
     def _models(self) -> dict[str, Predictor]:
         """The models of the comparison, by name; `idm` as in the paper: with its parameters and our gap network."""
-        gap = PolicyFile.read(self.job.policy("gap"))
+        gap = PolicyFile.read(self.workspace.policy("gap"))
         models = [self._named(name) for name in ("gail", "ppo", "idm_calibrated")]
         models += [Predictor(gap, "idm"), Predictor(PolicyFile("critical_gap", "idm"), "idm_critical_gap")]
         models.append(Predictor.load("constant_velocity"))
         return {one.name: one for one in models}
 
     def _named(self, name: str) -> Predictor:
-        return Predictor.load(self.job.policy(name))
+        return Predictor.load(self.workspace.policy(name))
 
     def _gaps(self) -> dict[str, str]:
-        return {"gap": str(self.job.policy("gap")), "critical_gap": "critical_gap"}
+        return {"gap": str(self.workspace.policy("gap")), "critical_gap": "critical_gap"}
 
     def _about(self) -> dict[str, Any]:
-        scenes = Scenes.load(self.job.scenes)
+        scenes = Scenes.load(self.workspace.scenes)
         recordings = scenes.provenance["recordings"]
         of = {split: [one["id"] for one in recordings if one["split"] == split] for split in SPLITS}
         return {

@@ -18,7 +18,7 @@ from experiments.report.report import write_report
 from experiments.reproduce.measurements import Measurements
 from experiments.reproduce.stages import exit_status_of
 from experiments.reproduce.trainings import Trainings
-from experiments.reproduce.workspace import Job, Options
+from experiments.reproduce.workspace import Options, Workspace
 from intersection_env.policies.named import POLICIES
 
 TRAINED = ("gap", "idm_calibrated", "ppo", "gail")
@@ -32,14 +32,14 @@ def reproduce(options: Options) -> None:
         StageFailedError, ValueError, OSError: as of `Trainings.run`; or a results file cannot be written.
     """
     begin = time.perf_counter()
-    job = Job(options)
-    Trainings(job).run()
+    workspace = Workspace(options)
+    Trainings(workspace).run()
     if options.ship:
         for name in TRAINED:
-            shutil.copyfile(job.policy(name), POLICIES / f"{name}.policy")
+            shutil.copyfile(workspace.policy(name), POLICIES / f"{name}.policy")
         print(f"written: {', '.join(TRAINED)} in {POLICIES}")
     if options.only == "everything":
-        Measurements(job).run()
+        Measurements(workspace).run()
         write_report(options.out)
     print(f"done in {(time.perf_counter() - begin) / 60.0:.0f} min")
 

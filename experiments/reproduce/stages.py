@@ -1,4 +1,4 @@
-"""Stages of a long job: each runs once, in a process or here, and is not run again when the job is started anew."""
+"""Stages of long work: each is done once, in a process or here, and not again when the work is started anew."""
 
 from __future__ import annotations
 
@@ -31,10 +31,10 @@ class StageFailedError(Exception):
         self.status = status
 
 
-def exit_status_of(job: Callable[[], None]) -> int:
-    """Does a job of stages; says what ended it, if it did not come to its end."""
+def exit_status_of(work: Callable[[], None]) -> int:
+    """Does work of many stages; says what ended it, if it did not come to its end."""
     try:
-        job()
+        work()
     except KeyboardInterrupt:
         print("\ninterrupted; the same command goes on from here", file=sys.stderr)
         return 130
@@ -49,7 +49,7 @@ def exit_status_of(job: Callable[[], None]) -> int:
 
 @dataclass(frozen=True)
 class Stages:
-    """The stages of one job, and the folder where each says that it is done."""
+    """The stages of one work, and the folder where each says that it is done."""
 
     work: Path
 
@@ -60,7 +60,7 @@ class Stages:
             name: of the stage.
             inputs: what its result depends on, as JSON holds it; of earlier stages what `run` returned for them.
             output: the file that it writes last.
-            work: does it; what it raises ends the job.
+            work: does it; what it raises ends all of it.
 
         Returns:
             A hash of its name and inputs.

@@ -14,7 +14,7 @@ from agents.training.folder import file_hash
 from data.build import build
 from data.build import summary as scenes_summary
 from experiments.reproduce.stages import run_module, run_trainings
-from experiments.reproduce.workspace import Job
+from experiments.reproduce.workspace import Workspace
 from imitation.gail import BETWEEN_MOMENTS
 from imitation.gail import PROFILES as GAIL_PROFILES
 from intersection_env.evaluation.errors import distance_error
@@ -30,9 +30,9 @@ from intersection_env.scenes.scenes import Scenes
 class Trainings:
     """The stages that learn, each from what came before."""
 
-    def __init__(self, job: Job) -> None:
-        self.job = job
-        self.options = job.options
+    def __init__(self, workspace: Workspace) -> None:
+        self.workspace = workspace
+        self.options = workspace.options
 
     def run(self) -> None:
         """Scenes, gap network, calibrated IDM, PPO, GAIL; of the last two one a seed, and then the best.
@@ -47,17 +47,13 @@ class Trainings:
             shipped = ", ".join(sorted(path.stem for path in MAPS.glob("*.map")))
             raise ValueError(f'--map is "{options.map}"; wanted one that ships: {shipped}')
         hashes = {path.name: file_hash(path) for path in sorted(options.recordings.glob("*")) if path.is_file()}
-        stage, policy, effort = self.job.stage, self.job.policy, options.effort
-        stage(
-            "scenes", [], self.job.scenes, self._scenes, recordings=hashes, map=Intersection.load(options.map).checksum
-        )
+        stage, policy, effort = self.workspace.stage, self.workspace.policy, options.effort
+        checksum = Intersection.load(options.map).checksum
+        stage("scenes", [], self.workspace.scenes, self._scenes, recordings=hashes, map=checksum)
         stage("gap", ["scenes"], policy("gap"), self._gap, effort=effort)
         stage("idm", ["gap"], policy("idm_calibrated"), self._idm, effort=effort)
         stage("ppo", ["gap"], policy("ppo"), self._ppo, seeds=seeds, effort=effort)
         stage("gail", ["ppo"], policy("gail"), self._gail, effort=effort)
-
-    def _epochs(self, whole: int) -> str:
-        return str(max(1, round(self.options.effort * whole)))
 
     def _scenes(self) -> None:
         intersection = Intersection.load(self.options.map)
@@ -66,21 +62,22 @@ class Trainings:
         for split in SPLITS:
             if not moments_of(scenes.select(split))[0]:
                 raise ValueError(f'{self.options.recordings}: no scene for split "{split}" with vehicles to predict')
-        scenes.save(self.job.scenes)
+        scenes.save(self.workspace.scenes)
 
     def _gap(self) -> None:
-        run, epochs = self.job.run_of("gap"), self._epochs(GAP_PROFILES["default"][1].epochs)
-        arguments = ["--scenes", str(self.job.scenes), "--run", str(run), "--epochs", epochs]
+        run, epochs = self.workspace.run_of("gap"), self.workspace.epochs(GAP_PROFILES["default"][1].epochs)
+        arguments = ["--scenes", str(self.workspace.scenes), "--run", str(run), "--epochs", str(epochs)]
         run_module("agents.gap", "default", *arguments, "--resume")
         self._keep(run / "gap.policy", "gap")
 
     def _idm(self) -> None:
-        arguments = ["--scenes", str(self.job.scenes), "--gap", str(self.job.policy("gap"))]
-        arguments += ["--rounds", self._epochs(ROUNDS), "--out", str(self.job.policy("idm_calibrated"))]
+        arguments = ["--scenes", str(self.workspace.scenes), "--gap", str(self.workspace.policy("gap"))]
+        arguments += ["--rounds", str(self.workspace.epochs(ROUNDS))]
+        arguments += ["--out", str(self.workspace.policy("idm_calibrated"))]
         run_module("agents.idm", *arguments)
 
     def _ppo(self) -> None:
-        arguments = ["--map", self.options.map, "--gaps", str(self.job.policy("gap")), "critical_gap"]
+        arguments = ["--map", self.options.map, "--gaps", str(self.workspace.policy("gap")), "critical_gap"]
         self._seeds("ppo", PPO_PROFILES["fast"][1].epochs, lambda seed: ["agents.ppo", "fast", *arguments])
 
         def reward(path: Path) -> float:
@@ -90,34 +87,34 @@ class Trainings:
         self._best("ppo", reward)
 
     def _gail(self) -> None:
-        arguments = ["--scenes", str(self.job.scenes), "--decider", str(self.job.policy("gap"))]
+        arguments = ["--scenes", str(self.workspace.scenes), "--decider", str(self.workspace.policy("gap"))]
 
         def command(seed: int) -> list[str]:
-            return ["imitation.gail", "default", *arguments, "--ppo", str(self.job.run_of(f"ppo_{seed}"))]
+            return ["imitation.gail", "default", *arguments, "--ppo", str(self.workspace.run_of(f"ppo_{seed}"))]
 
         self._seeds("gail", GAIL_PROFILES["default"][1].epochs, command)
-        watched = followed(moments_of(Scenes.load(self.job.scenes).select("development"), BETWEEN_MOMENTS)[0])
+        watched = followed(moments_of(Scenes.load(self.workspace.scenes).select("development"), BETWEEN_MOMENTS)[0])
         self._best("gail", lambda path: -distance_error(Predictor.load(path), watched))
 
     def _seeds(self, name: str, epochs: int, command: Callable[[int], list[str]]) -> None:
         """Trains a driver with each seed, as many at a time as there are cores."""
-        cores, wanted = os.cpu_count() or 1, self._epochs(epochs)
+        cores, wanted = os.cpu_count() or 1, self.workspace.epochs(epochs)
         at_once = min(cores, len(self.options.seeds))
         trainings = {}
         for seed in self.options.seeds:
-            run = self.job.run_of(f"{name}_{seed}")
-            arguments = ["--seed", str(seed), "--run", str(run), "--epochs", wanted]
+            run = self.workspace.run_of(f"{name}_{seed}")
+            arguments = ["--seed", str(seed), "--run", str(run), "--epochs", str(wanted)]
             trainings[run] = [*command(seed), *arguments, "--threads", str(cores // at_once), "--resume"]
-        run_trainings(trainings, int(wanted), at_once)
+        run_trainings(trainings, wanted, at_once)
         for run in trainings:
             self._keep(run / f"{name}.policy", run.name)
 
     def _best(self, name: str, merit: Callable[[Path], float]) -> None:
-        merits = {seed: merit(self.job.policy(f"{name}_{seed}")) for seed in self.options.seeds}
+        merits = {seed: merit(self.workspace.policy(f"{name}_{seed}")) for seed in self.options.seeds}
         best = max(merits, key=merits.__getitem__)
         print(f"{name}: seed {best} of {merits}")
-        self._keep(self.job.policy(f"{name}_{best}"), name)
+        self._keep(self.workspace.policy(f"{name}_{best}"), name)
 
     def _keep(self, path: Path, name: str) -> None:
-        with written_whole(self.job.policy(name)) as temporary:
+        with written_whole(self.workspace.policy(name)) as temporary:
             shutil.copyfile(path, temporary)

@@ -37,8 +37,8 @@ class Options:
     """Random scenes for each number of vehicles, in the runtime figure."""
 
 
-class Job:
-    """The stages done so far, with what each needs of those before it; the first one is "scenes".
+class Workspace:
+    """Where the stages lay down what they make, and what each needs of those before it; the first one is "scenes".
 
     Raises:
         ValueError: no seeds, no effort or no scenes to time.
@@ -64,6 +64,10 @@ class Job:
     def scenes(self) -> Path:
         """The scenes file."""
         return self.options.work / "scenes.npz"
+
+    def epochs(self, whole: int) -> int:
+        """How many of a whole training's epochs a training lasts here."""
+        return max(1, round(self.options.effort * whole))
 
     def run_of(self, name: str) -> Path:
         """Where a training keeps what it needs to go on; a folder apart for other scenes, or another effort.

@@ -1,11 +1,11 @@
-"""Shows runtimes: how they grow, as a table to print, and as a figure for one column of a paper."""
+"""Shows runtimes: as text to print, and as a figure for one column of a paper."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
+from experiments.show.style import BLUE, RED, set_style
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -13,19 +13,19 @@ if TYPE_CHECKING:
 COLUMN = (3.5, 3.1)  # [in], as wide as a column of an IEEE paper
 SOLID, DASHED, DOTTED = "-", (0.0, (4.0, 2.0)), (0.0, (1.0, 1.5))
 LOOKS: dict[str, tuple[str, str, Any]] = {
-    "ours": ("ours, one scenario", "#2f6da8", SOLID),
-    "ours, batch": ("ours, batch of {batch}", "#2f6da8", DASHED),
+    "ours": ("ours, one scenario", BLUE, SOLID),
+    "ours, batch": ("ours, batch of {batch}", BLUE, DASHED),
     "IDM": ("IDM, one scenario", "#5a9a4c", SOLID),
     "IDM, batch": ("IDM, batch of {batch}", "#5a9a4c", DASHED),
-    "libsumo": ("libsumo, restored", "#b5483a", SOLID),
-    "libsumo, steps alone": ("libsumo, steps alone", "#b5483a", DOTTED),
+    "libsumo": ("libsumo, restored", RED, SOLID),
+    "libsumo, steps alone": ("libsumo, steps alone", RED, DOTTED),
     "torch": ("plain torch, one scenario", "#8a63a8", SOLID),
 }
 """By model: name, colour and line."""
 SCARCE = 8  # numbers of vehicles, below which each gets a marker
 
 
-def plot(results: Mapping[str, Any]) -> Figure:
+def plot_runtimes(results: Mapping[str, Any]) -> Figure:
     """Mean milliseconds a scenario over the number of vehicles: a line a model, and the paper's bound.
 
     Args:
@@ -57,34 +57,12 @@ def plot(results: Mapping[str, Any]) -> Figure:
     axes.set_xlabel("vehicles", fontsize=8)
     axes.set_ylabel("runtime of 10 s [ms]", fontsize=8)
     axes.tick_params(labelsize=8)
-    axes.spines[["top", "right"]].set_visible(False)
-    axes.grid(color="#e4e4e1", linewidth=0.6)
+    set_style(axes)
     figure.legend(loc="outside lower center", ncols=2, fontsize=7, frameon=False, handlelength=2.2, columnspacing=1.0)
     return figure
 
 
-def fits(model: Mapping[str, Any]) -> dict[str, Any]:
-    """By statistic and kind of polynomial; medians as well, which others on the machine disturb less."""
-    found = {}
-    for statistic in ("mean", "median"):
-        times = {int(size): row[statistic] for size, row in model["vehicles"].items()}
-        found[statistic] = {kind: fit(times, degree) for degree, kind in ((1, "linear"), (2, "quadratic"))}
-    return found
-
-
-def fit(times: Mapping[int, float], degree: int) -> dict[str, Any]:
-    """The least-squares polynomial: its coefficients, the constant first, and what share of the variance it explains.
-
-    Args:
-        times: by number of vehicles.
-    """
-    sizes, values = np.array(list(times), float), np.array(list(times.values()))
-    coefficients = np.polynomial.polynomial.polyfit(sizes, values, degree)
-    rest = values - np.polynomial.polynomial.polyval(sizes, coefficients)
-    return {"coefficients": coefficients.tolist(), "explained": float(1.0 - rest.var() / values.var())}
-
-
-def table(results: Mapping[str, Any]) -> str:
+def runtimes_text(results: Mapping[str, Any]) -> str:
     """Mean and median milliseconds a scenario by number of vehicles, and what follows from them."""
     found = dict(_found(results))
     lines = [f"ms a scenario, mean (median); {results['scenes']} scenes, batches of {results['batch']}"]

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from data.sumo import generate as sumo
 from data.sumo import recording_files as sumo_files
 from data.sumo import tracks as sumo_tracks
+from data.sumo.network import MAP
 from intersection_env.maps.source import MapSource
 
 TRACKS = (
@@ -98,7 +99,7 @@ def test_every_class_occurs_in_every_part_of_the_split(
 
 
 def test_vehicles_drive_within_03_m_of_a_route_unless_they_pass_a_bicycle(recordings: dict[str, pd.DataFrame]) -> None:
-    source = MapSource.read(sumo.MAP)
+    source = MapSource.read(MAP)
     lines = [shapely.LineString(np.concatenate([p.points for p in source.pieces(one)])) for one in source.routes]
     for number, table in recordings.items():
         driving = table[table["class"] != "pedestrian"]
@@ -140,7 +141,7 @@ def _bodies(vehicles: pd.DataFrame, shift: NDArray[np.float64]) -> Any:
 
 
 def test_waiting_vehicles_stand_just_before_the_stop_line(recordings: dict[str, pd.DataFrame]) -> None:
-    source = MapSource.read(sumo.MAP)
+    source = MapSource.read(MAP)
     lines = [shapely.LineString(source.stop_lines[lane]) for lane in ("NE_in", "SW_in")]
     gaps = []
     for table in recordings.values():

@@ -23,7 +23,7 @@ from agents.networks.driving import DrivingNetwork
 from agents.networks.export import driving_policy
 from agents.rollouts.validation_run import validation_run
 from experiments.documentation.results import RESULTS as SHIPPED
-from experiments.measure import runtime
+from experiments.measure import runtime, timed_calls
 from experiments.measure import validation_run as closed_loop
 from experiments.measure.crossing_order import order_results
 from experiments.measure.horizon import horizon_results
@@ -32,6 +32,7 @@ from experiments.measure.runtime import runtime_results
 from experiments.measure.validation_run import closed_loop_results
 from experiments.report import report
 from experiments.report.headlines import Row, headlines
+from experiments.report.page import page
 from experiments.report.report import write_report
 from experiments.report.summary import MODELS, summary
 from experiments.results_files import RESULTS
@@ -40,9 +41,9 @@ from intersection_env import Intersection, Predictor
 from intersection_env.evaluation import intervals
 from intersection_env.evaluation.moments import contested, moments_of, thinned
 from intersection_env.policies.named import gap_decider
-from tests.experiments.test_crossing_order import first, nobody_moves, pair, recordings_replayed
-from tests.experiments.test_horizon import made
-from tests.experiments.test_maneuver_gain import scenes_of
+from tests.experiments.measure.test_crossing_order import first, nobody_moves, pair, recordings_replayed
+from tests.experiments.measure.test_horizon import made
+from tests.experiments.measure.test_maneuver_gain import scenes_of
 
 Results = dict[str, Any]
 ALL = (*MODELS, "idm_critical_gap", "gail_0", "ppo_0")
@@ -65,8 +66,9 @@ def computed(tmp_path_factory: pytest.TempPathFactory) -> Results:
         patch.setattr(closed_loop, "validation_run", partial(validation_run, steps=60))
         patch.setattr(runtime, "in_own_process", lambda *_: dict.fromkeys(LIBSUMO, ROW | {"doing": "its own"}))
         patch.setattr(runtime, "reference_rate", lambda: {"median": 80.0, "least": 79.0, "best": 81.0})
-        for name, value in {"WARM_UP": 1, "TORCH_SIZES": (2, 4), "TORCH_SCENES": 1, "TORCH_REPEATS": 1}.items():
+        for name, value in {"TORCH_SIZES": (2, 4), "TORCH_SCENES": 1, "TORCH_REPEATS": 1}.items():
             patch.setattr(runtime, name, value)
+        patch.setattr(timed_calls, "WARM_UP", 1)
         torch.set_num_threads(1)
         gap = json.loads((SHIPPED / "gap_validation.json").read_text(encoding="utf-8"))
         results: Results = {f"gap_{split}": gap for split in ("development", "validation")}
@@ -356,7 +358,7 @@ def test_model_that_is_missing_is_said_and_left_out(results: Results, folder: Pa
     assert set(summary(results, ABOUT, SECONDS)["distance"]) == set(MODELS) - {"sumo"}
     assert set(summary(results, ABOUT, SECONDS)["time_loss"]) == set(MODELS) - {"sumo"}
     text = report.report(results, ABOUT, SECONDS)
-    for one in (text, report.page(text, folder)):
+    for one in (text, page(text, folder)):
         assert one.count("sumo: No module named 'sumo'.") == 2
         assert "libsumo: not installed" in one
     assert "| SUMO |" not in text

@@ -13,15 +13,23 @@ from experiments.bench import doors as door_bench
 from experiments.bench import drivers as idm_driver
 from experiments.bench import environment_peers as peers
 from experiments.bench import environments as environment_bench
-from experiments.documentation.tables import environments_block
+from experiments.bench.own_process import NOT_INSTALLED
+from experiments.show.environment_speed import environments_section
 from intersection_env import ClosedLoopWorlds, ReplayWorlds
 from intersection_env.features import Driving
 
 
 def observation(**seen: float) -> np.ndarray[Any, np.dtype[np.float32]]:
-    values = {"to_line": 50.0, "speed": 5.0, "limit": 13.0, "to_lead": 100.0, "lead_speed": 27.8, "enters": 1.0} | seen
     row = np.zeros(12, np.float32)
-    row[[0, 1, 2, 9, 10, 11]] = list(values.values())
+    for column, value in {
+        Driving.DISTANCE_TO_STOP_LINE: seen.get("to_line", 50.0),
+        Driving.SPEED: seen.get("speed", 5.0),
+        Driving.V_MAX: 13.0,
+        Driving.LEAD_DISTANCE: seen.get("to_lead", 100.0),
+        Driving.LEAD_SPEED: seen.get("lead_speed", 27.8),
+        Driving.ENTERS: seen.get("enters", 1.0),
+    }.items():
+        row[column] = value
     return row
 
 
@@ -87,7 +95,7 @@ def test_rollouts_and_doors_are_counted_in_agent_steps(monkeypatch: pytest.Monke
     run, ends = environment_bench.rollout_run(ClosedLoopWorlds(worlds=16, vehicles=4), network)
     assert run()[0] >= 16 * 4 * environment_bench.ROLLOUT_STEPS
     assert 0.0 <= ends < 0.5
-    assert [door_bench.parallel_run(20)()[0], door_bench.vector_run(20)()[0], door_bench.single_run(20)()[0]] == [
+    assert [door_bench.parallel_env_run(20)()[0], door_bench.make_vec_run(20)()[0], door_bench.make_run(20)()[0]] == [
         20 * 12,
         20 * 64,
         20,
@@ -100,7 +108,7 @@ def test_a_peer_that_is_missing_or_crashes_is_said_to_be_so(monkeypatch: pytest.
         done = subprocess.CompletedProcess([], status, said, "")
         monkeypatch.setattr(subprocess, "run", lambda *_, **__: done)
 
-    ends_with(peers.NOT_INSTALLED)
+    ends_with(NOT_INSTALLED)
     assert peers.peer_rates()[-1] == {"name": "libsumo on our Bendplatz", "missing": "not installed"}
     ends_with(-11)
     assert peers.peer_rates()[-1]["missing"] == "failed with exit status -11"
@@ -116,13 +124,13 @@ def test_a_module_that_is_not_there_is_told_by_the_exit_status(monkeypatch: pyte
     monkeypatch.setattr("sys.argv", ["peers", "libsumo on our Bendplatz"])
     with pytest.raises(SystemExit) as ended:
         peers.main()
-    assert ended.value.code == peers.NOT_INSTALLED
+    assert ended.value.code == NOT_INSTALLED
 
 
 def test_tables_show_every_rate_and_what_is_missing() -> None:
     rate = {"median": 31.26e6, "least": 1.0, "best": 4e7}
     slow = {"median": 53.0, "least": 1.0, "best": 4e7}
-    block = environments_block(
+    block = environments_section(
         {
             "worlds": [{"name": "loop", "rates": {"v3": rate, "v4": rate}, "ends_per_world_step": 0.0123}],
             "doors": [{"name": "door", "rate": {"median": 8.123e5}}],

@@ -11,15 +11,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from experiments.measure.crossing_order import (
-    BASELINES,
-    Options,
-    main,
-    order_results,
-    recorded_order,
-    scored_pairs,
-    table,
-)
+from experiments.measure.crossing_order import Options, main, order_results, recorded_order, scored_pairs
+from experiments.show.crossing_order import BASELINES, order_table
 from intersection_env import Intersection, Prediction, Predictor, Scene, Scenes, Traffic
 from intersection_env.evaluation import intervals
 from intersection_env.evaluation.errors import Forecaster
@@ -254,7 +247,7 @@ def test_results_of_the_split_asked_for_are_written_and_printed(
     expected = order_results([Predictor.load("gap")], own)
     assert content == {"split": "development", "refused": 0, **expected}
     assert content["recordings"] == 1
-    assert capsys.readouterr().out.strip() == table(expected)
+    assert capsys.readouterr().out.strip() == order_table(expected)
 
 
 def test_missing_scenes_are_refused(capsys: pytest.CaptureFixture[str]) -> None:

@@ -12,13 +12,15 @@ import torch
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from agents.gap.baselines import BASELINES, Decider, PairRule, SampleModel
+from agents.gap.baselines import BASELINES, EVEN, Decider, PairRule, SampleModel
 from agents.gap.samples import GapSamples, Kinematics
 from agents.gap.train import GapSettings
 from agents.networks.gap import GapNetwork, least_logit
 from experiments.measure.gap import Options, decider_of, main, on_folds, on_split
-from experiments.measure.gap_scores import BINS, NETWORK, RESAMPLES, compare, measures, table, tally
-from experiments.show.gap import acceptance, critical, plot, typical_distances
+from experiments.measure.gap_acceptance import acceptance, acceptance_curves, critical_gap, seen_gap, typical_distances
+from experiments.measure.gap_scores import compare, measures, tally
+from experiments.show.gap import BINS, NETWORK, measures_table, plot_acceptance
+from intersection_env.evaluation.intervals import RESAMPLES
 from intersection_env.features import Gap
 from tests.support.gap_samples import gap_samples_of, planted
 
@@ -120,7 +122,7 @@ def test_results_are_json_with_the_same_keys_for_both_kinds_of_foes() -> None:
     assert list(results) == ["recorded", "all"]
     assert list(results["all"]["models"]) == [NETWORK, *BASELINES]
     assert results["all"]["models"]["boosting_three"]["pair_accuracy"] is None
-    assert table(results).count("| network |") == 2
+    assert measures_table(results).count("| network |") == 2
 
 
 def test_folds_judge_every_recording_once_by_models_that_have_not_seen_it() -> None:
@@ -134,10 +136,10 @@ def test_folds_judge_every_recording_once_by_models_that_have_not_seen_it() -> N
 
 def test_critical_gap_is_where_acceptance_becomes_the_more_probable_for_good() -> None:
     seconds = np.linspace(0.0, 8.0, 161)
-    assert critical(1.0 / (1.0 + np.exp(-(seconds - 5.02)))) == pytest.approx(5.02, abs=1e-3)
-    assert critical(np.zeros(161)) is None
-    assert critical(np.ones(161)) is None
-    assert critical(np.where(np.abs(seconds - 2.0) < 0.5, 0.9, seconds / 8.0)) == pytest.approx(4.0)
+    assert critical_gap(1.0 / (1.0 + np.exp(-(seconds - 5.02)))) == pytest.approx(5.02, abs=1e-3)
+    assert critical_gap(np.zeros(161)) is None
+    assert critical_gap(np.ones(161)) is None
+    assert critical_gap(np.where(np.abs(seconds - 2.0) < 0.5, 0.9, seconds / 8.0)) == pytest.approx(4.0)
 
 
 def test_acceptance_is_asked_at_the_features_of_the_network() -> None:
@@ -165,7 +167,8 @@ def test_figure_shows_both_kinds_of_conflict_and_reliability() -> None:
     samples.features[:, Gap.SPEED] = np.arange(len(samples.features)) % 9
     samples.kinematics[:, Kinematics.MERGING] = np.arange(len(samples.features)) % 2
     network = GapNetwork()
-    figure = plot(network, samples, on_split(network, samples, samples))
+    curves, by_foes = acceptance_curves(network, samples), on_split(network, samples, samples)
+    figure = plot_acceptance(curves, EVEN, seen_gap(samples), by_foes)
     assert isinstance(figure, Figure)
     assert [axes.get_title() for axes in figure.axes] == ["Crossing", "Merging", "Reliability of the decisions"]
 

@@ -17,7 +17,7 @@ import pytest
 
 from experiments.reproduce import stages
 from experiments.reproduce.stages import LAST_LINES, StageFailedError, Stages, run_module, run_trainings
-from experiments.reproduce.workspace import Job, Options
+from experiments.reproduce.workspace import Options, Workspace
 
 PATIENCE = 30.0  # [s]
 SCRIPTS = {
@@ -107,11 +107,11 @@ def test_stage_is_done_again_if_inputs_change_and_so_are_those_after_it(tmp_path
     works = {name: Counter(tmp_path / name) for name in ("first", "second", "apart")}
 
     def run(value: int) -> list[int]:
-        job = Job(Options(work=tmp_path))
-        job.stage("first", [], works["first"].output, works["first"], value=value)
-        job.stage("second", ["first"], works["second"].output, works["second"])
-        job.stage("apart", [], works["apart"].output, works["apart"])
-        assert set(job.seconds()) == set(works)
+        workspace = Workspace(Options(work=tmp_path))
+        workspace.stage("first", [], works["first"].output, works["first"], value=value)
+        workspace.stage("second", ["first"], works["second"].output, works["second"])
+        workspace.stage("apart", [], works["apart"].output, works["apart"])
+        assert set(workspace.seconds()) == set(works)
         return [work.count for work in works.values()]
 
     assert run(1) == [1, 1, 1]
@@ -134,9 +134,9 @@ def test_stage_that_fails_is_not_marked_nor_is_what_it_was_before(tmp_path: Path
 
 def test_trainings_for_other_scenes_or_of_other_effort_have_folders_of_their_own(tmp_path: Path) -> None:
     def folder(options: Options, recordings: str) -> Path:
-        job = Job(options)
-        job.stage("scenes", [], tmp_path / "scenes", Counter(tmp_path / "scenes"), recordings=recordings)
-        return job.run_of("ppo_0")
+        workspace = Workspace(options)
+        workspace.stage("scenes", [], tmp_path / "scenes", Counter(tmp_path / "scenes"), recordings=recordings)
+        return workspace.run_of("ppo_0")
 
     options = Options(work=tmp_path)
     first = folder(options, "these")
@@ -156,7 +156,7 @@ def test_trainings_for_other_scenes_or_of_other_effort_have_folders_of_their_own
 )
 def test_bad_options_are_refused_at_once(options: Options, said: str) -> None:
     with pytest.raises(ValueError, match=said):
-        Job(options)
+        Workspace(options)
 
 
 def test_module_that_ends_with_an_error_gives_its_status() -> None:

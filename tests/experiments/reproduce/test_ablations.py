@@ -23,11 +23,9 @@ from experiments.reproduce.ablations import (
     GAIL,
     GAP,
     Ablations,
-    gail_table,
-    gap_table,
-    lead_table,
 )
-from experiments.reproduce.workspace import Job, Options
+from experiments.reproduce.workspace import Options, Workspace
+from experiments.show.ablations import gail_table, gap_table, lead_table
 from imitation.gail import PROFILES as GAIL_PROFILES
 from intersection_env.evaluation import intervals
 from intersection_env.policies.named import gap_decider
@@ -37,9 +35,9 @@ Trainings = dict[Path, list[str]]
 
 
 @pytest.fixture
-def job(tmp_path: Path) -> Job:
-    """A job whose trainings are done: small scenes, the shipped policies."""
-    made = Job(Options(seeds=(5,), work=tmp_path / "work", out=tmp_path / "out"))
+def workspace(tmp_path: Path) -> Workspace:
+    """One in which the trainings are done: small scenes, the shipped policies."""
+    made = Workspace(Options(seeds=(5,), work=tmp_path / "work", out=tmp_path / "out"))
     made.keys |= {"scenes": "some", "gail": "others"}
     made.scenes.parent.mkdir(parents=True)
     small_scenes("train", "development").save(made.scenes)
@@ -60,7 +58,7 @@ def driver(path: Path) -> None:
     (path.parent / METRICS).write_text("".join(f"{json.dumps(row)}\n" for row in rows))
 
 
-def trained(job: Job, monkeypatch: pytest.MonkeyPatch) -> Trainings:
+def trained(workspace: Workspace, monkeypatch: pytest.MonkeyPatch) -> Trainings:
     """The commands that a run of the ablations gives, each of which leaves a policy."""
     commands: Trainings = {}
 
@@ -69,7 +67,7 @@ def trained(job: Job, monkeypatch: pytest.MonkeyPatch) -> Trainings:
             commands[run] = list(command)
             run.mkdir(parents=True, exist_ok=True)
             if command[0] == "agents.gap":
-                (run / "gap.policy").write_text(job.policy("gap").read_text())
+                (run / "gap.policy").write_text(workspace.policy("gap").read_text())
             else:
                 driver(run / "gail.policy")
 
@@ -78,14 +76,14 @@ def trained(job: Job, monkeypatch: pytest.MonkeyPatch) -> Trainings:
     monkeypatch.setattr(ablations, "LEAD_MOMENTS", 6)
     monkeypatch.setattr(lead_across, "STANDING", 50.0)  # in so few moments nobody stands
     torch.manual_seed(0)
-    Ablations(job).run()
+    Ablations(workspace).run()
     return commands
 
 
-def test_every_variant_is_trained_and_measured_once(job: Job, monkeypatch: pytest.MonkeyPatch) -> None:
-    commands = trained(job, monkeypatch)
+def test_every_variant_is_trained_and_measured_once(workspace: Workspace, monkeypatch: pytest.MonkeyPatch) -> None:
+    commands = trained(workspace, monkeypatch)
     assert len(commands) == len(GAP) + len(GAIL)
-    results = json.loads((job.options.out / "ablations.json").read_text())
+    results = json.loads((workspace.options.out / "ablations.json").read_text())
     assert list(results["gap"]) == [DEFAULT_GAP, *GAP]
     assert list(results["gail"]) == ["PPO alone, without GAIL", f"{DEFAULT_GAIL}, seed 5", *GAIL]
     seen = [row["checkpoints"] for row in results["gail"].values()]
@@ -98,21 +96,21 @@ def test_every_variant_is_trained_and_measured_once(job: Job, monkeypatch: pytes
     assert in_torch["distance_rmse"]["value"] == pytest.approx(in_core["distance_rmse"]["value"], abs=1e-3)
     assert across != in_torch, "nobody was ever across a path"
     assert lead_table(results["lead"]).count("\n") == 4
-    assert not trained(job, monkeypatch), "done again"
+    assert not trained(workspace, monkeypatch), "done again"
 
 
-def test_variants_change_what_they_say_and_nothing_else(job: Job, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_variants_change_what_they_say_and_nothing_else(workspace: Workspace, monkeypatch: pytest.MonkeyPatch) -> None:
     def settings(profiles: Any, command: list[str]) -> dict[str, Any]:
         found = tyro.extras.overridable_config_cli(profiles, args=command[1:])
         return {**decisive(found), "run": None, "ppo": getattr(found, "ppo", None)}
 
-    commands = list(trained(job, monkeypatch).values())
+    commands = list(trained(workspace, monkeypatch).values())
     gaps = [settings(GAP_PROFILES, one) for one in commands if one[0] == "agents.gap"]
     default = settings(GAP_PROFILES, ["agents.gap", "default"])
     assert [one["noise"] for one in gaps] == [0.0, 1.0]
     assert all(one == {**default, "noise": one["noise"]} for one in gaps)
     drivers = [settings(GAIL_PROFILES, one) for one in commands if one[0] == "imitation.gail"]
-    start = ["--ppo", str(job.run_of("ppo_5")), "--decider", str(job.policy("gap")), "--seed", "5"]
+    start = ["--ppo", str(workspace.run_of("ppo_5")), "--decider", str(workspace.policy("gap")), "--seed", "5"]
     default = settings(GAIL_PROFILES, ["imitation.gail", "default", *start])
     changed = [{key for key in one if one[key] != default[key]} for one in drivers]
     assert changed == [*[{"discriminator"}] * 2, {"last_sigma"}, {"update"}, {"gap"}, {"ppo"}]

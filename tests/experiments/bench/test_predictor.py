@@ -13,7 +13,7 @@ import torch
 from experiments.bench import bench, predictor_peers
 from experiments.bench import predictor as predictor_bench
 from experiments.bench.timed_traffic import COUNTED, arithmetic, both_networks, traffic, traffic_with_orders
-from experiments.documentation.tables import speed_block
+from experiments.show.predictor_speed import speed_section
 from imitation.torch_model import TorchPredictor
 from intersection_env import Predictor, _core
 
@@ -108,7 +108,7 @@ def test_the_bench_of_the_predictor_fills_the_readmes_block(tmp_path: Path, monk
     assert results["latency_us"]["networks"]["calls"] == 20
     assert results["ranking_ms"]["100"]["networks"]["best"] > 0.0
     assert results["vehicles_us"][kernels[0]]["2"]["1024"]["best"] > 0.0
-    block = speed_block(results)
+    block = speed_section(results)
     row = results["batch_us"][kernels[0]]["networks"]["64"]
     ratio = row["best"] / results["floor_us"][kernels[0]]
     assert f"| 64 | {row['median']:.1f} ({row['best']:.1f}; {ratio:.2f}) |" in block

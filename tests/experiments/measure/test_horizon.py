@@ -9,7 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from experiments.measure.horizon import Options, horizon_results, main, plot
+from experiments.measure.horizon import Options, horizon_results, main
+from experiments.show.horizon import plot_errors
 from intersection_env import Scenes
 from intersection_env.evaluation.errors import Errors
 
@@ -74,7 +75,7 @@ def test_main_measures_the_shipped_scenes(tmp_path: Path, capsys: pytest.Capture
 
 def test_figure_has_a_line_a_model_for_both_figures() -> None:
     results = horizon_results({"a": made([1.0, 2.0], ["x", "y"]), "b": made([2.0, 1.0], ["x", "y"])})
-    figure = plot(results, {"b": "the second"})
+    figure = plot_errors(results, {"b": "the second"})
     first = figure.axes[0]
     assert first.lines[0].get_label() == "the second"
     np.testing.assert_allclose(

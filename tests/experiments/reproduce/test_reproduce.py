@@ -18,7 +18,7 @@ from experiments.reproduce import measurements, reproduce, trainings
 from experiments.reproduce.measurements import Measurements
 from experiments.reproduce.reproduce import TRAINED, main
 from experiments.reproduce.stages import StageFailedError
-from experiments.reproduce.workspace import Job, Options
+from experiments.reproduce.workspace import Options, Workspace
 from experiments.results_files import rounded
 from imitation.gail import PROFILES as GAIL_PROFILES
 from intersection_env import Intersection
@@ -278,7 +278,7 @@ def test_sumo_that_is_missing_ends_nothing(
         raise ModuleNotFoundError("No module named 'sumo'")
 
     monkeypatch.setattr(measurements, "sumo_predictions", missing)
-    assert Measurements(Job(replace(options, map=map)))._sumo([]) == ([], {"sumo": said})
+    assert Measurements(Workspace(replace(options, map=map)))._sumo([]) == ([], {"sumo": said})
 
 
 def test_rounding_leaves_all_but_floats_as_it_is() -> None:

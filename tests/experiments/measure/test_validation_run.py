@@ -14,7 +14,8 @@ from agents.networks.driving import DrivingNetwork
 from agents.networks.export import driving_network, driving_policy
 from agents.rollouts.validation_run import validation_run
 from experiments.measure import validation_run as closed_loop
-from experiments.measure.validation_run import Options, closed_loop_results, main, plot, poisson_interval
+from experiments.measure.validation_run import Options, closed_loop_results, main, poisson_interval
+from experiments.show.validation_run import plot_accelerations
 from intersection_env import Predictor
 from intersection_env.policies.named import gap_decider
 
@@ -60,7 +61,7 @@ def test_accelerations_are_those_that_the_driver_wants(tmp_path: Path) -> None:
         <= run["longer"]["collisions"]["value"]
         <= run["longer"]["collisions"]["high"]
     )
-    assert len(plot(results, {"steady": "Steady"}).axes[0].lines) == 2
+    assert len(plot_accelerations(results, {"steady": "Steady"}).axes[0].lines) == 2
 
 
 def test_a_policy_that_drives_by_a_rule_is_refused() -> None:

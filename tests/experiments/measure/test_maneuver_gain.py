@@ -18,10 +18,9 @@ from experiments.measure.maneuver_gain import (
     cooperative_sets,
     main,
     maneuver_results,
-    plot,
-    table,
 )
 from experiments.results_files import rounded
+from experiments.show.maneuver_gain import gain_table, plot_gain
 from intersection_env import Intersection, Predictor, Scene, Scenes, Traffic, Vehicle, crossing_orders, rank_maneuvers
 from intersection_env.evaluation import intervals
 from intersection_env.evaluation.moments import Moment, contested, moments_of, thinned
@@ -170,7 +169,7 @@ def test_no_moments_are_refused(gap: Predictor) -> None:
 
 def test_figure_shows_every_share_and_every_moment(gap: Predictor, moments: list[Moment]) -> None:
     results = maneuver_results(gap, moments, seed=1)
-    figure = plot(results)
+    figure = plot_gain(results)
     assert isinstance(figure, Figure)
     gain, orders = figure.axes
     mean = np.asarray(gain.lines[0].get_xydata())
@@ -195,7 +194,7 @@ def test_results_of_the_split_asked_for_are_written_printed_and_drawn(
     expected = maneuver_results(gap, thinned(contested(moments_of(own)[0]), 3), 3, 20)
     content = json.loads((tmp_path / "maneuvers_development.json").read_text(encoding="utf-8"))
     assert content == rounded({"split": "development", **expected})
-    assert capsys.readouterr().out.strip() == table(expected)
+    assert capsys.readouterr().out.strip() == gain_table(expected)
     assert figure.read_text(encoding="utf-8").startswith("<?xml")
 
 

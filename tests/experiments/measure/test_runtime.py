@@ -6,16 +6,16 @@ import gc
 import json
 from pathlib import Path
 from typing import Any
-from xml.etree import ElementTree
 
 import numpy as np
 import pytest
 
-from experiments.bench.environment_peers import NOT_INSTALLED, keep_present
+from experiments.bench.own_process import NOT_INSTALLED
 from experiments.bench.predictor import SIZES
-from experiments.measure import runtime, runtime_libsumo
-from experiments.measure.runtime import Options, main, milliseconds, random_scenes, runtime_results
-from experiments.show.runtime import LOOKS, fit, plot, table
+from experiments.measure import runtime, runtime_libsumo, timed_calls
+from experiments.measure.runtime import Options, fit, main, random_scenes, runtime_results
+from experiments.measure.timed_calls import milliseconds
+from experiments.show.runtime import LOOKS, plot_runtimes, runtimes_text
 from intersection_env import _core
 from intersection_env.traffic import FLOAT_FIELDS
 
@@ -30,8 +30,9 @@ def small(monkeypatch: pytest.MonkeyPatch) -> None:
     theirs = {name: ROW | {"doing": "its own"} for name in LIBSUMO}
     monkeypatch.setattr(runtime, "in_own_process", lambda *_: theirs)
     monkeypatch.setattr(runtime, "reference_rate", lambda: {"median": 80.0, "least": 79.0, "best": 81.0})
-    for name, value in {"BLOCK": 2, "WARM_UP": 1, "TORCH_SIZES": (2, 4), "TORCH_SCENES": 1, "TORCH_REPEATS": 1}.items():
+    for name, value in {"TURN": 2, "TORCH_SIZES": (2, 4), "TORCH_SCENES": 1, "TORCH_REPEATS": 1}.items():
         monkeypatch.setattr(runtime, name, value)
+    monkeypatch.setattr(timed_calls, "WARM_UP", 1)
 
 
 def test_scenes_have_so_many_vehicles_and_are_the_same_each_time() -> None:
@@ -105,8 +106,8 @@ def test_missing_peer_is_reported_not_an_error(monkeypatch: pytest.MonkeyPatch) 
     monkeypatch.setattr(runtime, "in_own_process", lambda *_: {"missing": "not installed"})
     results = runtime_results(Options(scenes=1))
     assert all(results["models"][name] == {"missing": "not installed"} for name in LIBSUMO)
-    assert "libsumo: not installed" in table(results)
-    labels = [line.get_label() for line in plot(results).axes[0].lines]
+    assert "libsumo: not installed" in runtimes_text(results)
+    labels = [line.get_label() for line in plot_runtimes(results).axes[0].lines]
     assert len(labels) == len(LOOKS) - 2
     assert not any("libsumo" in str(label) for label in labels)
 
@@ -119,19 +120,9 @@ def test_process_without_libsumo_says_so_by_its_exit_status(monkeypatch: pytest.
     assert runtime_libsumo.main() == NOT_INSTALLED
 
 
-def test_state_of_libsumo_keeps_only_who_is_on_a_lane_and_their_types(tmp_path: Path) -> None:
-    state = tmp_path / "a.xml"
-    lane = '<lane id="L"><vehicles value="0 2"/></lane>'
-    cars = "".join(f'<vType id="t{k}"/>' for k in range(4)) + "".join(f'<vehicle id="{k}" type="t{k}"/>' for k in "012")
-    state.write_text(f"<snapshot>{cars}{lane}</snapshot>")
-    keep_present(state)
-    kept = [one.get("id") for one in ElementTree.parse(state).getroot()]
-    assert kept == ["t0", "t2", "0", "2", "L"]
-
-
 def test_figure_has_a_line_a_model_and_the_papers_point() -> None:
     results = runtime_results(Options(scenes=1))
-    figure = plot(results)
+    figure = plot_runtimes(results)
     (axes,) = figure.axes
     assert [line.get_label() for line in axes.lines] == [label.format(batch=64) for label, _, _ in LOOKS.values()]
     assert axes.get_yscale() == "log"

@@ -1,0 +1,42 @@
+"""How far SUMO as it comes is off as a predictor, beside the calibrated IDM: errors to read, without a results file.
+
+python -m experiments.sumo_predictor
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+from dataclasses import dataclass
+from typing import Literal
+
+from experiments.models.sumo_predictor import predictions
+from intersection_env.evaluation.errors import evaluate
+from intersection_env.evaluation.moments import moments_of
+from intersection_env.prediction.predictor import Predictor
+from intersection_env.scenes.scenes import Scenes
+
+
+@dataclass(frozen=True)
+class Options:
+    """SUMO as it comes, as a predictor."""
+
+    scenes: str = "bendplatz"
+    """Scenes that ship, or a scenes file."""
+    split: Literal["train", "development", "validation"] = "development"
+    """What to measure on."""
+
+
+def main(options: Options) -> int:
+    """Prints the errors; returns the exit status."""
+    try:
+        moments, _ = moments_of(Scenes.load(options.scenes).select(options.split))
+        begin = time.perf_counter()
+        sumo = predictions([one.traffic for one in moments])
+    except (OSError, ValueError, ModuleNotFoundError) as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 1
+    print(f"{len(moments)} moments, {(time.perf_counter() - begin) / len(moments) * 1e3:.1f} ms each by SUMO")
+    for one in (sumo, Predictor.load("idm_calibrated")):
+        print(evaluate(one, moments).round(2).to_string(index=False))
+    return 0

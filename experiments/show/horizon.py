@@ -1,0 +1,82 @@
+"""Shows how far predictions are off over 10 s, in distance and in time loss."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+from experiments.show.style import set_style
+from experiments.show.tables import in_unit, markdown_table
+from intersection_env.evaluation.moments import HORIZONS
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.figure import Figure
+
+QUANTITIES = ("distance", "time_loss")
+ERRORS = ("distance_rmse", "distance_mad", "time_loss_rmse", "time_loss_q80")
+"""Those after 10 s that tables show."""
+MODELS = {
+    "constant_velocity": "constant velocity",
+    "idm": "critical gaps, IDM",
+    "gap": "gap network, IDM",
+    "idm_calibrated": "gap network, calibrated IDM",
+    "ppo": "gap network, PPO",
+    "gail": "gap network, GAIL",
+}
+"""Those that ship: who decides about gaps, and who drives."""
+
+
+def errors_text(results: Mapping[str, Any]) -> str:
+    """Each model's errors after 10 s with their intervals, as text."""
+    lines = [f"{'10 s, recorded':<20} {'RMSE [m]':>20} {'MAD [m]':>20} {'time loss RMSE [s]':>20} {'80 % [s]':>20}"]
+    for name, row in results["at_10s"].items():
+        lines.append(f"{name:<20} " + " ".join(f"{in_unit(row[key]):>20}" for key in ERRORS))
+    return "\n".join(lines)
+
+
+def errors_table(errors: pd.DataFrame) -> str:
+    """The errors of the models that ship over the horizon, of vehicles recorded at the start and at the horizon.
+
+    Args:
+        errors: as `evaluate` gives them.
+    """
+    recorded = errors[errors["population"] == "recorded"].set_index(["model", "horizon"]).to_dict("index")
+    rows = []
+    for model, name in MODELS.items():
+        of_model = [recorded[model, horizon] for horizon in HORIZONS]
+        cells = [f"{row['rmse']:.1f} / {row['mad']:.1f}, {row['time_loss_rmse']:.1f}" for row in of_model]
+        rows.append((name, *cells))
+    counts = [f"{recorded[next(iter(MODELS)), horizon]['count']:.0f}" for horizon in HORIZONS]
+    heads = ("RMSE / MAD [m], time loss RMSE [s]", *(f"{horizon:.0f} s" for horizon in HORIZONS))
+    return markdown_table(heads, [*rows, ("samples", *counts)])
+
+
+def plot_errors(results: Mapping[str, Any], names: Mapping[str, str]) -> Figure:
+    """Distance and time-loss error over the horizon, vehicles recorded at the start.
+
+    Args:
+        results: as `horizon_results` gives them.
+        names: models to draw, in this order, and what to call them.
+    """
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(7.1, 2.9), layout="constrained")
+    for axes, quantity, label in zip(
+        figure.subplots(1, 2), QUANTITIES, ("distance error [m]", "time loss error [s]"), strict=True
+    ):
+        for k, (model, name) in enumerate(names.items()):
+            curves = results["models"][model]["recorded"][quantity]
+            color = f"C{k}"
+            axes.plot(results["time"], curves["rmse"], color=color, label=name, linewidth=1.4)
+            axes.plot(results["time"], curves["mad"], color=color, linestyle="--", linewidth=1.0)
+        axes.set_xlabel("horizon [s]")
+        axes.set_ylabel(label)
+        axes.set_xlim(0.0, 10.0)
+        axes.set_ylim(bottom=0.0)
+        set_style(axes)
+    axes.plot([], [], color="#555", linewidth=1.4, label="RMSE")
+    axes.plot([], [], color="#555", linestyle="--", linewidth=1.0, label="MAD")
+    handles, labels = axes.get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside upper center", ncols=4, frameon=False, fontsize=8)
+    return figure
