@@ -161,40 +161,39 @@ void run_step(const ClosedLoopArguments& g, ClosedLoopLanes& run) {
     ended |= ends & run.world.exists;
 }
 
-// What a rollout asks of the worlds.
-template <Gap GAP>
+// What a rollout asks of the worlds. Step and start are called by reference: as template arguments they would make
+// three rollouts, one a kind of gap decision, and GCC then inlines less of what all share.
 struct RolledOut {
     const ClosedLoopArguments& g;
     ClosedLoopLanes& run;
+    Ints (&take_step)(const ClosedLoopArguments&, ClosedLoopLanes&);
+    bool (&start_again)(const MapRows&, const GapNetwork*, int count, Ints wanted, World&, World& trial);
 
     int vehicles() const { return g.vehicles; }
     void observe(int i, Floats* features) const { driving_features(run.world.slots[i], features); }
     void observe_last(int i, Floats* features) const { final_features(run, i, features); }
     Floats* action() { return run.action; }
     const Floats* paid() const { return run.step_reward; }
-    Ints step() { return INTERSECTION_ENV_ISA::step<GAP>(g, run) & run.world.exists; }
+    Ints step() { return take_step(g, run) & run.world.exists; }
     Ints left(int i) const { return run.world.slots[i].left; }
     Ints blamed(int i) const { return run.world.slots[i].blamed; }
-    bool restart(Ints ended) { return start<GAP>(g.map, g.gap_network, g.vehicles, ended, run.world, run.trial); }
+    bool restart(Ints ended) { return start_again(g.map, g.gap_network, g.vehicles, ended, run.world, run.trial); }
 };
 
-template <Gap GAP>
-bool run_rollout(const ClosedLoopArguments& g, ClosedLoopLanes& run) {
-    load(g, run.world);
-    look<GAP>(g, run.world);
+bool run_rollout(const ClosedLoopArguments& g, RolledOut worlds) {
+    World& world = worlds.run.world;
     Random noise;
     for (int k = 0; k < STREAM_WORDS; ++k) {
         noise.s[k] = row_at(g.state.random, g, STREAM_WORDS + k);
     }
-    RolledOut<GAP> worlds{g, run};
     if (!roll_out(*g.rollout, g.steps, g.first_world + g.first_lane, used(g), noise, worlds)) {
         return false;
     }
-    store(g, all_ints(-1), run.world);
+    store(g, all_ints(-1), world);
     for (int k = 0; k < STREAM_WORDS; ++k) {
         row_at(g.state.random, g, STREAM_WORDS + k) = noise.s[k];
     }
-    write_observation(g, run.world, used(g));
+    write_observation(g, world, used(g));
     return true;
 }
 
@@ -207,7 +206,9 @@ bool run_task(const ClosedLoopArguments& g, ClosedLoopLanes& run) {
         run_step<GAP>(g, run);
         return true;
     case Task::rollout:
-        return run_rollout<GAP>(g, run);
+        load(g, run.world);
+        look<GAP>(g, run.world);
+        return run_rollout(g, {g, run, step<GAP>, start<GAP>});
     default:
         load(g, run.world);
         look<GAP>(g, run.world);
