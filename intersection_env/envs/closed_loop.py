@@ -99,7 +99,7 @@ class ClosedLoop(ParallelEnv[str, Array, Array]):
     ## Reward
 
     The paper's Table II; a is the acceleration, v the speed, d_stop and d_lead the distances, v_max the speed limit,
-    s_brake = v² / (2 · 4 m/s²) the distance in which the vehicle can stop, delta the gap decision.
+    s_brake = max(v, 0)² / (2 · 4 m/s²) the distance in which the vehicle can stop, delta the gap decision.
 
     | term | is |
     |---|---|
