@@ -16,8 +16,8 @@ from intersection_env.evaluation.moments import moments_of
 from intersection_env.policies.file import IdmParameters, PolicyFile
 from intersection_env.scenes.scene import Track
 from tests.conftest import MAP_NAMES
-from tests.core.test_core import core_predictor, replayed
 from tests.reference import predictor as reference
+from tests.support.core_and_twin import core_predictor, replayed
 from tests.support.damage import with_checksum
 from tests.support.scenes import small_scenes
 from tests.support.twins import CASES, random_assignment, random_case

@@ -7,44 +7,16 @@ from typing import Literal
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from intersection_env import Predictor, Traffic, _core
 from intersection_env.features import Driving
-from intersection_env.policies.file import NetworkWeights, PolicyFile
+from intersection_env.policies.file import PolicyFile
 from tests.conftest import MAP_NAMES
 from tests.reference import predictor as reference
+from tests.support.core_and_twin import core_predictor, replayed, weights
 from tests.support.twins import CASES, random_assignment, random_case, random_networks, twin_map
 
 SEEDS = range(12 * CASES)
-TRAJECTORY_TOLERANCE = 1e-3  # [m] after 10 s, with decisions replayed
-
-
-def weights(network: reference.Network) -> NetworkWeights:
-    layers = [(weight.astype(np.float32), bias.astype(np.float32)) for weight, bias in network.layers]
-    return NetworkWeights(network.shift.astype(np.float32), network.scale.astype(np.float32), layers)
-
-
-def core_predictor(traffic: Traffic, policy: PolicyFile) -> _core.Predictor:
-    return _core.Predictor(traffic.intersection.core, _core.Policy(policy.text(), "test"))
-
-
-def replayed(
-    traffic: Traffic, twin: reference.Traffic, predictor: _core.Predictor, assignment: NDArray[np.int8], **how: object
-) -> None:
-    """Asserts that core and twin agree, decisions replayed from the twin."""
-    truth = reference.predict(twin_map(traffic.intersection.name), twin, assignment[0], **how)  # type: ignore[arg-type]
-    decisions = np.ascontiguousarray(truth.enters[None, :50].astype(np.uint8))
-    for isa in _core.available_kernels():
-        results = predictor.predict(traffic.core, assignment, True, True, decisions, isa)
-        position, speed, acceleration, enters, present, time_loss, distance = results
-        np.testing.assert_array_equal(present[0].astype(bool), truth.present, err_msg=isa)
-        np.testing.assert_array_equal(enters[0].astype(bool), truth.enters, err_msg=isa)
-        np.testing.assert_allclose(position[0], truth.position, atol=TRAJECTORY_TOLERANCE, err_msg=isa)
-        np.testing.assert_allclose(speed[0], truth.speed, atol=2e-3, err_msg=isa)
-        np.testing.assert_allclose(acceleration[0], truth.acceleration, atol=2e-2, err_msg=isa)
-        np.testing.assert_allclose(time_loss[0], truth.time_loss, atol=1e-3, err_msg=isa)
-        np.testing.assert_allclose(distance[0], truth.minimum_distance, atol=2e-3, err_msg=isa)
 
 
 @pytest.mark.parametrize("name", MAP_NAMES)

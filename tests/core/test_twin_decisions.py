@@ -14,9 +14,9 @@ from tests.reference.memory import initial_memory
 from tests.reference.networks import Network
 from tests.reference.pairs import conflicts
 from tests.reference.predict import predict
-from tests.reference.random_traffic import random_traffic
 from tests.reference.traffic import braking_distance, distance_to_stop_line
 from tests.support.placing import BENDPLATZ, BOTH, T_JUNCTION, place
+from tests.support.random_traffic import random_traffic
 
 
 @pytest.mark.parametrize(("seconds", "enters"), [(5.9, False), (6.1, True)])

@@ -13,9 +13,9 @@ from tests.reference.intersection import Floats
 from tests.reference.networks import Network, evaluate
 from tests.reference.observe import Feature
 from tests.reference.predict import predict
-from tests.reference.random_traffic import random_traffic
 from tests.reference.traffic import Traffic
 from tests.support.placing import BENDPLATZ, T_JUNCTION, place
+from tests.support.random_traffic import random_traffic
 
 
 def test_constant_velocity_moves_by_speed_times_time() -> None:

@@ -14,9 +14,9 @@ from tests.reference.observe import Feature, observe
 from tests.reference.outputs import body_distance
 from tests.reference.pairs import conflicts
 from tests.reference.predict import predict
-from tests.reference.random_traffic import random_traffic
 from tests.reference.traffic import front
 from tests.support.placing import BOTH, T_JUNCTION, place
+from tests.support.random_traffic import random_traffic
 
 
 def test_lead_is_in_range_up_to_one_hundred_metres() -> None:

@@ -14,7 +14,7 @@ import numpy as np
 from intersection_env.maps.intersection import MAPS
 from intersection_env.policies.file import PolicyFile
 from intersection_env.policies.named import POLICIES
-from tests.core.test_core import weights
+from tests.support.core_and_twin import weights
 from tests.support.damage import thinned
 from tests.support.twins import random_networks
 

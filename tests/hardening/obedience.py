@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from intersection_env import Intersection, Predictor, Traffic
 from intersection_env.prediction.predictor import Prediction
-from tests.reference import predictor as reference
+from tests.support.random_traffic import random_traffic
 from tests.support.twins import as_traffic, random_assignment, rounded, twin_map
 
 MAPS = ("bendplatz", "t_junction")
@@ -54,7 +54,7 @@ class Findings:
 def look_at(predictor: Predictor, name: str, seed: int, findings: Findings) -> None:
     """Predicts one random traffic with one random order, and notes what is wrong."""
     generator = np.random.default_rng(seed)
-    twin = rounded(reference.random_traffic(twin_map(name), generator, int(generator.integers(2, 13))))
+    twin = rounded(random_traffic(twin_map(name), generator, int(generator.integers(2, 13))))
     traffic = as_traffic(Intersection.load(name), twin)
     assignment = random_assignment(traffic, generator)
     prediction = predictor.predict(traffic, assignment)

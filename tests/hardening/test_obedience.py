@@ -7,8 +7,8 @@ import pytest
 
 from intersection_env import Predictor
 from intersection_env.policies.file import PolicyFile
-from tests.core.test_core import weights
 from tests.hardening.obedience import MAPS, Findings, look_at
+from tests.support.core_and_twin import weights
 from tests.support.twins import CASES, random_networks
 
 

@@ -9,8 +9,8 @@ import pytest
 
 from intersection_env import Predictor, _core
 from intersection_env.policies.file import PolicyFile
-from tests.core.test_core import weights
 from tests.reference import predictor as reference
+from tests.support.core_and_twin import weights
 from tests.support.damage import damages, with_checksum
 from tests.support.twins import CASES, random_case, random_networks
 

@@ -9,5 +9,5 @@ order (time, vehicle, feature); metres, seconds, radians. Each file is a section
 - the worlds: `reward`, `collisions`, `closed_loop` (one step, ends), `starts`, `recorded`, `replay`
 - crossing orders: `orders`
 
-`predictor` and `worlds` gather what tests ask of it; `random_traffic` is no part of the model.
+`predictor` and `worlds` gather what tests ask of it.
 """

@@ -12,7 +12,6 @@ from tests.reference.observe import observe
 from tests.reference.orders import complete, lane_chains, orders
 from tests.reference.pairs import conflict_of, conflicts
 from tests.reference.predict import predict
-from tests.reference.random_traffic import random_traffic
 from tests.reference.traffic import TIME_STEP, Traffic
 
 __all__ = [
@@ -34,5 +33,4 @@ __all__ = [
     "observe",
     "orders",
     "predict",
-    "random_traffic",
 ]

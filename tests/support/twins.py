@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from intersection_env import Intersection, Traffic, _core
 from intersection_env.maps.intersection import MAPS
 from tests.reference import predictor as reference
+from tests.support.random_traffic import random_traffic
 
 CASES = int(os.environ.get("RANDOM_CASES", "1"))
 """Multiplies the number of random cases; `make harden` raises it."""
@@ -41,7 +42,7 @@ def rounded(twin: reference.Traffic) -> reference.Traffic:
 def random_case(name: str, seed: int) -> tuple[Traffic, reference.Traffic]:
     """Random traffic on a shipped map: for the core, and for the twin."""
     generator = np.random.default_rng(seed)
-    twin = rounded(reference.random_traffic(twin_map(name), generator, int(generator.integers(0, 13))))
+    twin = rounded(random_traffic(twin_map(name), generator, int(generator.integers(0, 13))))
     return as_traffic(Intersection.load(name), twin), twin
 
 

@@ -11,10 +11,11 @@ from numpy.typing import NDArray
 
 from intersection_env import Intersection, _core
 from intersection_env.policies.file import PolicyFile
-from tests.core.test_core import weights
 from tests.reference import predictor as reference
 from tests.reference import worlds as reference_worlds
 from tests.reference.worlds import Rules, State
+from tests.support.core_and_twin import weights
+from tests.support.random_traffic import random_traffic
 from tests.support.twins import random_networks, twin_map
 
 Arrays = dict[str, NDArray[Any]]
@@ -134,7 +135,7 @@ def rewards(name: str, *vehicles: Placed, gap: str = "critical_gap") -> Arrays:
 def random_state(name: str, generator: np.random.Generator, vehicles: int, rules: Rules) -> State:
     """Plausible traffic, one in eight slightly backwards, some about to leave; memories decided or arbitrary."""
     intersection = twin_map(name)
-    traffic = reference.random_traffic(intersection, generator, vehicles)
+    traffic = random_traffic(intersection, generator, vehicles)
     backwards = generator.random(vehicles) < 0.125
     speed = np.where(backwards, generator.uniform(-0.8, 0.0, vehicles), traffic.speed)
     length = np.array([intersection.routes[route].length for route in traffic.route])

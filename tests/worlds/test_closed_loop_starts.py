@@ -13,10 +13,10 @@ from intersection_env import Intersection, Predictor, Traffic, _core
 from intersection_env.features import Driving
 from intersection_env.policies.file import PolicyFile
 from tests.conftest import MAP_NAMES
-from tests.core.test_core import weights
 from tests.reference import predictor as reference
 from tests.reference import worlds as reference_worlds
 from tests.reference.worlds import Rules
+from tests.support.core_and_twin import weights
 from tests.support.twins import CASES, as_traffic, random_networks, twin_map
 from tests.support.world_traces import act
 from tests.support.worlds_cases import LONG, OUTPUTS, closed_loop, rules_and_policy, twin_of

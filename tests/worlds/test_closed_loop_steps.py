@@ -14,6 +14,7 @@ from tests.conftest import MAP_NAMES
 from tests.reference import predictor as reference
 from tests.reference import worlds as reference_worlds
 from tests.reference.worlds import Rules, State
+from tests.support.random_traffic import random_traffic
 from tests.support.twins import CASES, as_traffic, rounded, twin_map
 from tests.support.world_traces import act, outputs
 from tests.support.worlds_cases import (
@@ -39,7 +40,7 @@ KNIFE_EDGES = 0.02  # of all vehicles' steps, at most
 def test_twin_driven_by_idm_goes_as_the_twin_predicts(name: str) -> None:
     intersection, compared = twin_map(name), 0
     for seed in range(3):
-        traffic = rounded(reference.random_traffic(intersection, np.random.default_rng(seed), 6))
+        traffic = rounded(random_traffic(intersection, np.random.default_rng(seed), 6))
         truth = reference.predict(intersection, traffic, steps=30)
         memory = reference.initial_memory(intersection, traffic)
         state, seen = reference_worlds.decided(intersection, traffic, memory.delta, memory.hold, Rules())

@@ -1,4 +1,4 @@
-"""Random traffic to compare core and twin on; no part of the model."""
+"""Random traffic to compare core and twin on."""
 
 import math
 from dataclasses import replace

@@ -1,0 +1,42 @@
+"""The core's predictor beside its twin: the same networks, and what they must agree in."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from intersection_env import Traffic, _core
+from intersection_env.policies.file import NetworkWeights, PolicyFile
+from tests.reference import predictor as reference
+from tests.support.twins import twin_map
+
+TRAJECTORY_TOLERANCE = 1e-3  # [m] after 10 s, with decisions replayed
+
+
+def weights(network: reference.Network) -> NetworkWeights:
+    """The twin's network as a policy file has it."""
+    layers = [(weight.astype(np.float32), bias.astype(np.float32)) for weight, bias in network.layers]
+    return NetworkWeights(network.shift.astype(np.float32), network.scale.astype(np.float32), layers)
+
+
+def core_predictor(traffic: Traffic, policy: PolicyFile) -> _core.Predictor:
+    """The core's own predictor, which takes decisions to replay."""
+    return _core.Predictor(traffic.intersection.core, _core.Policy(policy.text(), "test"))
+
+
+def replayed(
+    traffic: Traffic, twin: reference.Traffic, predictor: _core.Predictor, assignment: NDArray[np.int8], **how: object
+) -> None:
+    """Asserts that core and twin agree, decisions replayed from the twin."""
+    truth = reference.predict(twin_map(traffic.intersection.name), twin, assignment[0], **how)  # type: ignore[arg-type]
+    decisions = np.ascontiguousarray(truth.enters[None, :50].astype(np.uint8))
+    for isa in _core.available_kernels():
+        results = predictor.predict(traffic.core, assignment, True, True, decisions, isa)
+        position, speed, acceleration, enters, present, time_loss, distance = results
+        np.testing.assert_array_equal(present[0].astype(bool), truth.present, err_msg=isa)
+        np.testing.assert_array_equal(enters[0].astype(bool), truth.enters, err_msg=isa)
+        np.testing.assert_allclose(position[0], truth.position, atol=TRAJECTORY_TOLERANCE, err_msg=isa)
+        np.testing.assert_allclose(speed[0], truth.speed, atol=2e-3, err_msg=isa)
+        np.testing.assert_allclose(acceleration[0], truth.acceleration, atol=2e-2, err_msg=isa)
+        np.testing.assert_allclose(time_loss[0], truth.time_loss, atol=1e-3, err_msg=isa)
+        np.testing.assert_allclose(distance[0], truth.minimum_distance, atol=2e-3, err_msg=isa)
