@@ -34,7 +34,7 @@ bench: $(VENV)/.bench
 	$(RUN) -m experiments.bench
 
 maps: setup
-	$(RUN) -m intersection_env.map_compiler
+	$(RUN) -m intersection_env.maps
 
 recordings: setup
 	$(RUN) -m data.sumo
