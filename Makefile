@@ -26,7 +26,7 @@ check: setup
 test: setup
 	$(RUN) -m pytest -n 2
 
-# The tests of the core once more, under AddressSanitizer and UBSan, with many more random cases.
+# The core made to fail: sanitizers, fuzzers, valgrind, clang, ARM64, a long soak; trainings shared by Ray; obedience.
 harden: setup
 	bash .ci/harden
 

@@ -1,7 +1,7 @@
 """The predictor once more as plain torch operations, vectorised over scenarios, vehicles and pairs.
 
 It does what `docs/model.md` says under "The model", with both networks: the one copy of the core in which torch sees
-every operation, for gradients, for models with one thing changed, and as a peer to time.
+every operation, for models with one thing changed, as a peer to time, and, without `inference_mode`, for gradients.
 `tests/imitation/test_torch_model.py` holds it to the core.
 """
 
@@ -15,7 +15,7 @@ import torch
 from torch import Tensor
 
 from intersection_env import Traffic, _core
-from intersection_env.constants import DT, FREE_SPEED, LEAD_RANGE, STEPS
+from intersection_env.constants import DT, FREE_LEAD_SPEED, LEAD_RANGE, STEPS
 from intersection_env.maps.intersection import Sample
 from intersection_env.policies.file import NetworkWeights, PolicyFile
 
@@ -189,7 +189,7 @@ class TorchPredictor:
         leads = present[:, None, :] & (ahead > 0.0) & (before_split | (front[:, None, :] > self.merge))
         gap, lead = torch.where(leads, ahead - self.half_lengths, torch.inf).min(-1)
         near = gap <= LEAD_RANGE
-        return lead, torch.where(near, gap, LEAD_RANGE), torch.where(near, speed.gather(1, lead), FREE_SPEED)
+        return lead, torch.where(near, gap, LEAD_RANGE), torch.where(near, speed.gather(1, lead), FREE_LEAD_SPEED)
 
     def _active(self, assignment: Tensor, position: Tensor, rear: Tensor, present: Tensor) -> Tensor:
         yielder_second = (rear[:, self.i] < self.end_i) & (position[:, self.j] < self.end_j)

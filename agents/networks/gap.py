@@ -1,4 +1,4 @@
-"""The networks of the paper as torch modules; what the core evaluates after export."""
+"""The gap network as a torch module; what the core evaluates after export."""
 
 from __future__ import annotations
 

@@ -8,7 +8,7 @@ import numpy as np
 from gymnasium.spaces import Box
 
 from intersection_env import _core
-from intersection_env.constants import ACCELERATION, DT, FREE_SPEED, LEAD_RANGE
+from intersection_env.constants import ACCELERATION, DT, FREE_LEAD_SPEED, LEAD_RANGE
 from intersection_env.features import Driving
 from intersection_env.maps.intersection import Intersection, Sample
 
@@ -45,7 +45,7 @@ def observation_space(intersection: Intersection, fastest: float, backing: bool)
         Driving.V_MAX: (0.0, v_max + ROUNDING),
         **{column: (-turn, turn) for column in range(Driving.HEADINGS, Driving.LEAD_DISTANCE)},
         Driving.LEAD_DISTANCE: (-_core.MOST_LENGTH, LEAD_RANGE),
-        Driving.LEAD_SPEED: (slowest, max(speed, FREE_SPEED)),
+        Driving.LEAD_SPEED: (slowest, max(speed, FREE_LEAD_SPEED)),
         Driving.ENTERS: (0.0, 1.0),
     }
     low, high = zip(*(bounds[column] for column in range(len(bounds))), strict=True)

@@ -22,7 +22,6 @@ MAPS = ("bendplatz", "t_junction")
 LINE_TOLERANCE = 0.05  # [m], by which a stop in whole steps may pass the line: less than v²/2b leaves at 0.4 m/s
 BRAKING, HARDEST, LEAST_GAP = 4.0, 6.0, 0.5  # [m/s²], [m/s²], [m]
 GAP_TOLERANCE = 0.05  # [m]
-LIMIT_ACTS = 1e-3  # [m/s²]
 Floats = NDArray[np.float64]
 
 

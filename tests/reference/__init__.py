@@ -1,6 +1,6 @@
 """The twin: the model in NumPy, slow, obvious, in float64, written from docs/model.md alone.
 
-The one permitted copy of what the core knows, and its judge. It imports nothing of the package. Arrays follow the axis
+The slow copy of what the core knows, and its judge. It imports nothing of the package. Arrays follow the axis
 order (time, vehicle, feature); metres, seconds, radians. Each file is a section of the page:
 
 - the map: `intersection`

@@ -7,7 +7,7 @@
 namespace intersection_env {
 namespace {
 
-constexpr int MAX_ROUTES = 256;
+constexpr int MOST_ROUTES_IN_FILE = 256;
 constexpr int MAX_SAMPLES = 100000;
 constexpr int SAMPLE_COLUMNS = 11;
 
@@ -23,7 +23,7 @@ Route read_route(TextReader& reader) {
     route.id = reader.word("route");
     route.length = reader.floats("length", 1)[0];
     route.stop_line = reader.floats("stop_line", 1)[0];
-    route.stop_lane = static_cast<int>(reader.count("stop_lane", 0, MAX_ROUTES - 1));
+    route.stop_lane = static_cast<int>(reader.count("stop_lane", 0, MOST_ROUTES_IN_FILE - 1));
     const std::vector<float> junction = reader.floats("junction", 2);
     route.junction = interval(reader, junction[0], junction[1]);
     route.first_conflict = reader.floats("first_conflict", 1)[0];
@@ -60,7 +60,7 @@ Map Map::parse(std::string text, std::string where) {
     if (map.heading_offsets.size() != 6) {
         reader.fail("six heading offsets were expected");
     }
-    const std::int64_t routes = reader.count("routes", 1, MAX_ROUTES);
+    const std::int64_t routes = reader.count("routes", 1, MOST_ROUTES_IN_FILE);
     for (std::int64_t k = 0; k < routes; ++k) {
         map.routes.push_back(read_route(reader));
         const Route& route = map.routes.back();

@@ -63,9 +63,9 @@ std::vector<float> pair_row(const Map& map, int own, int other) {
 
 MapTables::MapTables(std::shared_ptr<const Map> map) : map_(std::move(map)), route_tables_(*map_) {
     const int count = static_cast<int>(map_->routes.size());
-    if (count > MAX_ROUTES) {
+    if (count > MOST_ROUTES_OF_WORLDS) {
         throw std::invalid_argument("map \"" + map_->name + "\" has " + std::to_string(count) +
-                                    " routes; worlds take at most " + std::to_string(MAX_ROUTES));
+                                    " routes; worlds take at most " + std::to_string(MOST_ROUTES_OF_WORLDS));
     }
     for (int route = 0; route < count; ++route) {
         const std::vector<float> row = route_row(*map_, route, route_tables_.first_row[at(route)]);

@@ -9,7 +9,7 @@
 
 namespace intersection_env {
 
-constexpr int MAX_ROUTES = 32; // ours: one machine word of bits says which routes overlap
+constexpr int MOST_ROUTES_OF_WORLDS = 32; // ours: one machine word of bits says which routes overlap
 
 constexpr int ROUTE_COLUMNS =
     8; // stop line, length, first conflict, first row, last row, stop lane, overlaps (2 x 16 bits)
@@ -33,7 +33,8 @@ struct MapRows {
 // Owns what MapRows points to.
 class MapTables {
   public:
-    // Throws std::invalid_argument for a map of more than MAX_ROUTES routes, or with a merge that is no conflict.
+    // Throws std::invalid_argument for a map of more than MOST_ROUTES_OF_WORLDS routes, or with a merge that is no
+    // conflict.
     explicit MapTables(std::shared_ptr<const Map> map);
 
     const Map& map() const { return *map_; }

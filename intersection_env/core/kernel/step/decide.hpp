@@ -11,34 +11,6 @@ constexpr float CRITICAL_GAP_CROSSING = 6.0F, CRITICAL_GAP_MERGING = 4.0F; // [s
 constexpr float LEAST_FOE_SPEED = 1.0F; // [m/s], ours: a standing foe may start at any moment
 constexpr float SUMO_TIME_GAP = 1.0F;   // [s], SUMO's jmTimegapMinor
 
-// What a yielding vehicle and its foe are to each other.
-struct Encounter {
-    Floats distance_to_pga, speed, v_max, distance_to_stop_line;
-    Floats foe_distance_to_stop_line, foe_speed, foe_v_max, foe_distance_to_clear;
-    Ints merging; // mask
-};
-
-inline Encounter encounter(const VehicleLanes& yielder, Floats pga, const VehicleLanes& foe, Floats foe_end,
-                           Ints merging) {
-    return {pga - yielder.rear,
-            yielder.speed,
-            yielder.v_max(),
-            yielder.distance_to_stop_line,
-            foe.distance_to_stop_line,
-            foe.speed,
-            foe.v_max(),
-            foe_end - foe.rear,
-            merging};
-}
-
-// The gap network's features; paper, Table I.
-inline void gap_features(const Encounter& e, Floats* features) {
-    features[0] = e.distance_to_pga;
-    features[1] = e.speed;
-    features[2] = e.foe_distance_to_stop_line;
-    features[3] = e.foe_speed;
-}
-
 // Mask: the yielder accepts the gap to the prioritized vehicle.
 inline Ints accepts_gap(Gap gap, const GapNetwork* network, const Encounter& e) {
     if (gap == Gap::critical_gap) {

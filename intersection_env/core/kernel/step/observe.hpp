@@ -1,4 +1,4 @@
-// What each vehicle sees: its stop line, its road, its lead vehicle.
+// What each vehicle sees: its stop line, its road, its lead vehicle; what a yielder sees of a foe.
 #pragma once
 
 #include "kernel/lanes/rows.hpp"
@@ -64,6 +64,34 @@ inline void driving_features(const VehicleLanes& vehicle, Floats* features) {
     features[9] = vehicle.lead_distance;
     features[10] = vehicle.lead_speed;
     features[11] = vehicle.delta ? all(1.0F) : all(0.0F);
+}
+
+// What a yielding vehicle and its foe are to each other.
+struct Encounter {
+    Floats distance_to_pga, speed, v_max, distance_to_stop_line;
+    Floats foe_distance_to_stop_line, foe_speed, foe_v_max, foe_distance_to_clear;
+    Ints merging; // mask
+};
+
+inline Encounter encounter(const VehicleLanes& yielder, Floats pga, const VehicleLanes& foe, Floats foe_end,
+                           Ints merging) {
+    return {pga - yielder.rear,
+            yielder.speed,
+            yielder.v_max(),
+            yielder.distance_to_stop_line,
+            foe.distance_to_stop_line,
+            foe.speed,
+            foe.v_max(),
+            foe_end - foe.rear,
+            merging};
+}
+
+// The gap network's features; paper, Table I.
+inline void gap_features(const Encounter& e, Floats* features) {
+    features[0] = e.distance_to_pga;
+    features[1] = e.speed;
+    features[2] = e.foe_distance_to_stop_line;
+    features[3] = e.foe_speed;
 }
 
 } // namespace intersection_env::INTERSECTION_ENV_ISA
