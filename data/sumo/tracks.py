@@ -154,8 +154,8 @@ def _crosswalk(source: MapSource, arm: str, distance: float) -> tuple[Floats, Fl
     """Where a pedestrian leaves one kerb and reaches the other, so far [m] outside an arm's lane ends."""
     entering = {route.approach[-1] for route in source.routes if route.entry == arm}
     leaving = {route.leaving[0] for route in source.routes if route.exit == arm}
-    ends = [(source.lanes[lane].points[::-1], source.lanes[lane].width) for lane in sorted(entering)]
-    ends += [(source.lanes[lane].points, source.lanes[lane].width) for lane in sorted(leaving)]
+    ends = [(source.lanes[lane].points[::-1], source.lanes[lane].width[-1]) for lane in sorted(entering)]
+    ends += [(source.lanes[lane].points, source.lanes[lane].width[0]) for lane in sorted(leaving)]
     outward = np.mean([(points[1] - points[0]) / np.linalg.norm(points[1] - points[0]) for points, _ in ends], axis=0)
     outward /= np.linalg.norm(outward)
     across = np.array([-outward[1], outward[0]])

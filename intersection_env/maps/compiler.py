@@ -13,7 +13,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from intersection_env.maps.curve import Points, wrap
+from intersection_env.maps.curve import Points, along, wrap
 from intersection_env.maps.meeting import NEVER, SWEPT_WIDTH, Conflict, SharedLane
 from intersection_env.maps.source import MapSource, RouteSource
 
@@ -99,7 +99,8 @@ def _compile_route(source: MapSource, route: RouteSource) -> CompiledRoute:
     inside = next(number for number, piece in enumerate(pieces) if piece.inside_junction)
     junction = (float(ends[inside - 1]), float(ends[inside]))
     stop_line = _stop_line(source, route, line, junction[0])
-    samples = _samples(source, route, line, [piece.width for piece in pieces], ends, junction[1])
+    widths = np.concatenate([pieces[0].width, *(piece.width[1:] for piece in pieces[1:])])
+    samples = _samples(source, route, line, (along(polyline), widths), junction[1])
     rank = 0 if source.arms[route.entry].right_of_way == "priority" else MINOR_RANK
     rank += LEFT_TURN_RANK if source.turn(route) == "left" else 0
     return CompiledRoute(route, line, samples, stop_line, junction, rank)
@@ -125,10 +126,10 @@ def _samples(
     source: MapSource,
     route: RouteSource,
     line: shapely.LineString,
-    widths: list[float],
-    ends: NDArray[np.float64],
+    widths: tuple[NDArray[np.float64], NDArray[np.float64]],
     junction_end: float,
 ) -> NDArray[np.float64]:
+    """As `CompiledRoute.samples`; widths: the lane's [m], and at which arc lengths [m]."""
     s = SPACING * np.arange(int(np.ceil(line.length / SPACING)) + 1)
     steps = np.diff(shapely.get_coordinates(line), axis=0)
     length = np.linalg.norm(steps, axis=1)
@@ -140,7 +141,7 @@ def _samples(
     position = shapely.get_coordinates(shapely.line_interpolate_point(line, np.minimum(s, line.length)))
     beyond = np.maximum(s - line.length, 0.0)[:, None]
     position = position + beyond * np.stack([np.cos(headings[-1:]), np.sin(headings[-1:])], axis=1)
-    width = np.array(widths)[np.minimum(np.searchsorted(ends, s, side="right"), len(widths) - 1)]
+    width = np.interp(s, *widths)
     limits = source.arms[route.entry].speed_limit, source.arms[route.exit].speed_limit
     v_max = np.where(s < junction_end, *limits)
     return np.column_stack([position, heading, width, v_max, relative])

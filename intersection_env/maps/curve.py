@@ -17,6 +17,11 @@ def wrap(angle: float) -> float:
     return float((angle + np.pi) % (2.0 * np.pi) - np.pi)
 
 
+def along(points: Points) -> NDArray[np.float64]:
+    """How far each point of a polyline is from its begin, along it: (point,) [m]."""
+    return np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
+
+
 def connect(before: Points, after: Points) -> Points:
     """A smooth curve from the end of one polyline to the start of the next: (point, 2) [m].
 

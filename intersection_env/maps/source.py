@@ -13,8 +13,9 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from intersection_env.maps.curve import Points, connect, wrap
+from intersection_env.maps.curve import Points, along, connect, wrap
 
 FORMAT = "intersection_env map source"
 VERSION = 1
@@ -39,11 +40,11 @@ class Arm:
 class Lane:
     """One lane, drawn in driving direction.
 
-    points: (point, 2) [m]; width [m].
+    points: (point, 2) [m]; width: (point,) [m].
     """
 
     points: Points
-    width: float
+    width: NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -58,11 +59,11 @@ class RouteSource:
 
 
 class Piece(NamedTuple):
-    """A stretch of a route: a lane, or the curve that leads to the next one (lane is then None)."""
+    """A stretch of a route: a lane, or the curve that leads to the next one (lane is then None); width: (point,) [m]."""
 
     lane: str | None
     points: Points
-    width: float
+    width: NDArray[np.float64]
     inside_junction: bool
 
 
@@ -124,7 +125,8 @@ class MapSource:
             if number:
                 before = self.lanes[names[number - 1]]
                 curve = connect(before.points, lane.points)
-                width = 0.5 * (before.width + lane.width)
+                way = along(curve)
+                width = np.interp(way, way[[0, -1]], [before.width[-1], lane.width[0]])
                 pieces.append(Piece(None, curve, width, number == len(route.approach)))
             pieces.append(Piece(name, lane.points, lane.width, False))
         return pieces
@@ -227,7 +229,14 @@ def _lane(key: str, value: Any) -> Lane:
     where = f'lane "{key}"'
     _check_object(where, value, ("width", "points"))
     points = _points(f'{where}: "points"', value.get("points"), 2)
-    return Lane(points, _positive(f'{where}: "width"', value.get("width")))
+    width = value.get("width")
+    if not isinstance(width, list):
+        return Lane(points, np.full(len(points), _positive(f'{where}: "width"', width)))
+    if len(width) != len(points):
+        raise ValueError(
+            f'{where}: "width" lists {len(width)} numbers; wanted one, or one for each of {len(points)} points'
+        )
+    return Lane(points, np.array([_positive(f'{where}: "width"', one) for one in width]))
 
 
 def _stop_line(key: str, value: Any, lanes: dict[str, Lane]) -> Points:
