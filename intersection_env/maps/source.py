@@ -59,7 +59,10 @@ class RouteSource:
 
 
 class Piece(NamedTuple):
-    """A stretch of a route: a lane, or the curve that leads to the next one (lane is then None); width: (point,) [m]."""
+    """A stretch of a route: a lane, or the curve that leads to the next one (lane is then None).
+
+    points: (point, 2) [m]; width: (point,) [m].
+    """
 
     lane: str | None
     points: Points
