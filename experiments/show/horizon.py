@@ -16,6 +16,8 @@ if TYPE_CHECKING:
 QUANTITIES = ("distance", "time_loss")
 ERRORS = ("distance_rmse", "distance_mad", "time_loss_rmse", "time_loss_q80")
 """Those after 10 s that tables show."""
+UNTIL_LAST_SEEN = ("distance_rmse", "distance_mad", "distance_bias")
+"""Those until last seen."""
 MODELS = {
     "constant_velocity": "constant velocity",
     "idm": "critical gaps, IDM",
@@ -28,11 +30,22 @@ MODELS = {
 
 
 def errors_text(results: Mapping[str, Any]) -> str:
-    """Each model's errors after 10 s with their intervals, as text."""
+    """Each model's errors after 10 s and until last seen with their intervals, as text."""
     lines = [f"{'10 s, recorded':<20} {'RMSE [m]':>20} {'MAD [m]':>20} {'time loss RMSE [s]':>20} {'80 % [s]':>20}"]
     for name, row in results["at_10s"].items():
         lines.append(f"{name:<20} " + " ".join(f"{in_unit(row[key]):>20}" for key in ERRORS))
+    heads = ("RMSE [m]", "MAD [m]", "bias [m]", "behind, recorded [m/s]")
+    lines.append(" ".join((f"{'until last seen':<20}", *(f"{head:>22}" for head in heads))))
+    for name, row in results["until_last_seen"].items():
+        cells = [*(in_unit(row[key]) for key in UNTIL_LAST_SEEN), speeds_behind(results["models"][name])]
+        lines.append(" ".join((f"{name:<20}", *(f"{cell:>22}" for cell in cells))))
     return "\n".join(lines)
+
+
+def speeds_behind(of_model: Mapping[str, Any]) -> str:
+    """Mean speeds behind the junction, predicted and recorded [m/s]; nothing where nobody is there."""
+    speeds = [of_model["speed_behind"][key] for key in ("predicted", "recorded")]
+    return ", ".join("-" if one is None else f"{one:.1f}" for one in speeds)
 
 
 def errors_table(errors: pd.DataFrame) -> str:
