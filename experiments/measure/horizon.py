@@ -31,6 +31,7 @@ from intersection_env.evaluation.errors import (
     MaskedFloats,
     error_figures,
     errors,
+    mean_speed,
 )
 from intersection_env.evaluation.intervals import interval
 from intersection_env.evaluation.moments import HORIZONS, Moment, moments_of
@@ -76,7 +77,7 @@ def horizon_results(found: dict[str, Errors]) -> dict[str, Any]:
         absolute error), `q80` (80 % quantile of it), `median_deviation` (from the median error, the other reading of
         MAD) and `bias` (mean error) at each time, with the "count" of samples; the same "until_last_seen", one each,
         and for those "last_seen" within the 2 s up to each of its "horizon" [s]; None where there are no samples; and
-        "speed_behind", mean speeds behind the junction, "predicted" and "recorded" [m/s]. Under "at_10s" for those
+        their "speed_behind" the junction, "predicted" and "recorded" [m/s]. Under "at_10s" for those
         recorded at the start and after 10 s, and under "until_last_seen", by model: intervals over recordings of the
         figures in `FIGURES`, and of the ratios to each of `REFERENCES`.
     """
@@ -103,7 +104,9 @@ def _of_model(found: Errors) -> dict[str, Any]:
     groups = [found.seen_up_to(horizon) for horizon in HORIZONS]
     by_time = {key: [values[group].compressed() for group in groups] for key, values in last.items()}
     result[LAST_SEEN] = {"horizon": list(HORIZONS), **_curves(by_time)}
-    result["speed_behind"] = {"predicted": _mean(found.behind), "recorded": _mean(found.recorded_behind)}
+    speeds = {"predicted": found.behind, "recorded": found.recorded_behind}
+    scored = ~np.ma.getmaskarray(found.last_seen())
+    result["speed_behind"] = {key: mean_speed(one[:, scored]) for key, one in speeds.items()}
     return result
 
 
@@ -126,10 +129,6 @@ def _figures(values: Floats) -> dict[str, float]:
         "median_deviation": float(np.median(np.abs(values - np.median(values)))),
         "bias": found.bias,
     }
-
-
-def _mean(speeds: MaskedFloats) -> float | None:
-    return float(speeds.mean()) if speeds.count() else None
 
 
 def _at_10s(found: Errors, quantity: str) -> MaskedFloats:

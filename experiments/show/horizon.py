@@ -65,6 +65,32 @@ def errors_table(errors: pd.DataFrame) -> str:
     return markdown_table(heads, [*rows, ("samples", *counts)])
 
 
+def until_last_seen_table(errors: pd.DataFrame) -> str:
+    """The errors of everyone recorded at the start when it was last seen, by when that was, and speeds behind it all.
+
+    Args:
+        errors: as `evaluate` gives them.
+    """
+    indexed = errors.set_index(["model", "population", "horizon"]).to_dict("index")
+    rows = []
+    for model, name in MODELS.items():
+        parts = [indexed.get((model, "last_seen", horizon)) for horizon in HORIZONS]
+        everybody = indexed[model, "until_last_seen", HORIZONS[-1]]
+        cells = ["" if row is None else _signed(row) for row in (*parts, everybody)]
+        speeds = (f"{everybody[key]:.1f}" for key in ("speed_behind", "recorded_speed_behind"))
+        rows.append((name, *cells, ", ".join(speeds)))
+    first = next(iter(MODELS))
+    found = [indexed.get((first, "last_seen", horizon)) for horizon in HORIZONS]
+    found.append(indexed[first, "until_last_seen", HORIZONS[-1]])
+    counts = ("0" if row is None else f"{row['count']:.0f}" for row in found)
+    heads = ("RMSE / MAD / bias [m], last seen", *(f"to {horizon:.0f} s" for horizon in HORIZONS), "at any time")
+    return markdown_table((*heads, "behind the junction, recorded [m/s]"), [*rows, ("samples", *counts, None)])
+
+
+def _signed(row: Mapping[Any, Any]) -> str:
+    return f"{row['rmse']:.1f} / {row['mad']:.1f} / {row['bias']:+.1f}"
+
+
 def plot_errors(results: Mapping[str, Any], names: Mapping[str, str]) -> Figure:
     """Distance and time-loss error over the horizon, vehicles recorded at the start.
 

@@ -35,6 +35,10 @@ class EmptyRoad:
     """The drive of the smallest share, in words."""
     drives: int
 
+    def figures(self) -> dict[str, float]:
+        """The shares, as a training's metrics have them."""
+        return {"least": round(self.least, 4), "mean": round(self.mean, 4)}
+
 
 def empty_road(
     predictor: Predictor, reference: Predictor | None = None, maps: Iterable[Intersection] | None = None

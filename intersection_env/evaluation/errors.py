@@ -24,6 +24,7 @@ UNTIL_LAST_SEEN = "until_last_seen"
 """Every car and truck recorded at the start, scored at the last moment within 10 s at which it is recorded."""
 LAST_SEEN = "last_seen"
 """Part of it: those last seen within the 2 s up to a horizon."""
+SPEEDS = ("speed_behind", "recorded_speed_behind")
 
 Floats = NDArray[np.float64]
 MaskedFloats: TypeAlias = np.ma.MaskedArray[Any, np.dtype[np.float64]]
@@ -159,6 +160,16 @@ def errors_until_last_seen(forecaster: Forecaster, moments: Sequence[Moment]) ->
     return np.concatenate([np.zeros(0), *parts])
 
 
+def figures_until_last_seen(forecaster: Forecaster, moments: Sequence[Moment]) -> dict[str, float]:
+    """What a training says of it: `rmse`, `mad` and `bias` until last seen [m], to a millimetre.
+
+    Raises:
+        ValueError: there is nobody to score.
+    """
+    found = error_figures(errors_until_last_seen(forecaster, moments))
+    return {"rmse": round(found.rmse, 3), "mad": round(found.mad, 3), "bias": round(found.bias, 3)}
+
+
 def _distance_when_last_seen(moment: Moment, predicted: NDArray[np.float32], within: int) -> Floats:
     last = moment.last_seen(within)
     chosen = np.flatnonzero(~np.ma.getmaskarray(last))
@@ -187,35 +198,42 @@ def evaluate(forecaster: Forecaster, moments: Sequence[Moment]) -> pd.DataFrame:
         One row a population and horizon that has samples: `model`, `population`, `horizon` [s]; of the distance along
         the route, predicted minus recorded, `rmse`, `mad` (median of the absolute error) and `bias` (mean) [m]; of the
         time lost since the start, likewise, `time_loss_rmse` and `time_loss_q80` (80 % quantile of the absolute error)
-        [s]; `count` of samples.
+        [s]; `speed_behind` and `recorded_speed_behind`, the mean speeds behind the junction up to the horizon,
+        predicted and recorded, each while its own rear is there and the vehicle is recorded [m/s], NA where nobody is;
+        `count` of samples.
 
     Raises:
         ValueError: no moments.
     """
     import pandas as pd
 
-    rows = []
-    for population, horizon, distance, lost in _populations(errors(forecaster, moments)):
-        if len(distance):
-            far, late = error_figures(distance), error_figures(lost)
-            figures = (far.rmse, far.mad, far.bias, late.rmse, late.quantile_80, far.count)
-            rows.append((forecaster.name, population, horizon, *figures))
-    columns = ["model", "population", "horizon", "rmse", "mad", "bias", "time_loss_rmse", "time_loss_q80", "count"]
-    return pd.DataFrame(rows, columns=columns)
-
-
-def _populations(found: Errors) -> Iterator[tuple[str, float, Floats, Floats]]:
-    """Population, horizon, and the errors of distance and time loss: (sample,)."""
-    for population in AT_HORIZON:
-        for horizon in HORIZONS:
-            step = round(horizon / DT)
-            chosen = found.of(population, step)
-            yield population, horizon, found.distance[step, chosen], found.time_loss[step, chosen]
+    found = errors(forecaster, moments)
     distance, lost = (found.until_last_seen(quantity) for quantity in ("distance", "time_loss"))
-    yield UNTIL_LAST_SEEN, HORIZONS[-1], distance.compressed(), lost.compressed()
-    for horizon in HORIZONS:
-        chosen = found.seen_up_to(horizon)
-        yield LAST_SEEN, horizon, distance[chosen].compressed(), lost[chosen].compressed()
+    rows = []
+    for population, horizon, chosen in _populations(found):
+        if chosen.any():
+            step = round(horizon / DT)
+            far = error_figures((found.distance[step] if population in AT_HORIZON else distance.data)[chosen])
+            late = error_figures((found.time_loss[step] if population in AT_HORIZON else lost.data)[chosen])
+            figures = (far.rmse, far.mad, far.bias, late.rmse, late.quantile_80)
+            speeds = (mean_speed(one[: step + 1, chosen]) for one in (found.behind, found.recorded_behind))
+            rows.append((forecaster.name, population, horizon, *figures, *speeds, far.count))
+    columns = ["model", "population", "horizon", "rmse", "mad", "bias", "time_loss_rmse", "time_loss_q80"]
+    table = pd.DataFrame(rows, columns=[*columns, *SPEEDS, "count"])
+    return table.astype(dict.fromkeys(SPEEDS, "Float64"))
+
+
+def mean_speed(speeds: MaskedFloats) -> float | None:
+    """The mean of those that are known, if any are."""
+    return float(speeds.mean()) if speeds.count() else None
+
+
+def _populations(found: Errors) -> Iterator[tuple[str, float, NDArray[np.bool_]]]:
+    """Population, horizon, and who is scored: (sample,)."""
+    for population in AT_HORIZON:
+        yield from ((population, horizon, found.of(population, round(horizon / DT))) for horizon in HORIZONS)
+    yield UNTIL_LAST_SEEN, HORIZONS[-1], ~np.ma.getmaskarray(found.last_seen())
+    yield from ((LAST_SEEN, horizon, found.seen_up_to(horizon)) for horizon in HORIZONS)
 
 
 def _errors(forecaster: Forecaster, moment: Moment) -> Errors:

@@ -101,6 +101,8 @@ def test_the_command_writes_a_policy_with_its_provenance(
     assert "development" in capsys.readouterr().out
     about = PolicyFile.read(out).about
     assert about["distance_error"]["calibrated"]["train"] <= about["distance_error"]["paper"]["train"]
+    assert set(about["until_last_seen"]) == {"calibrated", "constant_velocity"}
+    assert set(about["until_last_seen"]["calibrated"]) == {"rmse", "mad", "bias"}
     small_scenes("validation").save(tmp_path / "scenes.npz")
     assert calibration.main(told) == 1
     assert "no moment to predict from" in capsys.readouterr().err
