@@ -126,7 +126,7 @@ class Ablations:
         """Per variant: driving alone among recorded vehicles, predicting all, and how steadily that was learned.
 
         All are measured with the checkpoint that predicted best, so `last` [m] says what choosing it was worth: the
-        error of the last one, beside the `best`, as the training saw them (root of the mean square over 2 to 10 s).
+        error of the last one, beside the `best`, as the training saw them (`distance_error`).
         """
         start = self.workspace.run_of(f"ppo_{self.options.seeds[0]}")
         policies = {"PPO alone, without GAIL": start / "ppo.policy"}
