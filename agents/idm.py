@@ -95,7 +95,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             }
             for name, one in (("calibrated", policy), ("paper", dataclasses.replace(policy, idm=IdmParameters())))
         }
-        print(f"{parameters}\nroot of the mean squared error over 2 to 10 s, each when last seen until then [m]: {figures}")
+        print(f"{parameters}\nroot of the mean squared error over 2 to 10 s, when last seen until then [m]: {figures}")
         until_last_seen = {
             one.name: figures_until_last_seen(one, held_out)
             for one in (Predictor(policy, "calibrated"), Predictor.load("constant_velocity"))

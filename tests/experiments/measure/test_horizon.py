@@ -7,12 +7,15 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from experiments.measure.horizon import Options, horizon_results, main
-from experiments.show.horizon import plot_errors
-from intersection_env import Scenes
-from intersection_env.evaluation.errors import Errors
+from experiments.show.horizon import MODELS, plot_errors, until_last_seen_table
+from intersection_env import Predictor, Scenes
+from intersection_env.evaluation.errors import Errors, evaluate
+from intersection_env.evaluation.moments import moments_of
+from tests.support.scenes import small_scenes
 
 TIMES = 51
 
@@ -95,6 +98,19 @@ def test_main_measures_the_shipped_scenes(tmp_path: Path, capsys: pytest.Capture
     assert results["moments"] > 3
     assert "constant_velocity" in capsys.readouterr().out
     assert (tmp_path / "a.svg").stat().st_size > 1000
+
+
+def test_table_of_the_pages_shows_each_model_by_when_vehicles_were_last_seen() -> None:
+    moments = moments_of(small_scenes("development"))[0]
+    table = pd.concat([evaluate(Predictor.load(model), moments) for model in MODELS])
+    head, _, *rows, samples = until_last_seen_table(table).splitlines()
+    assert "to 2 s | to 4 s | to 6 s | to 8 s | to 10 s | at any time" in head
+    assert [row.split(" | ")[0].removeprefix("| ") for row in rows] == list(MODELS.values())
+    steady = table[(table["model"] == "constant_velocity") & (table["population"] == "until_last_seen")].iloc[0]
+    figures = f"{steady['rmse']:.1f} / {steady['mad']:.1f} / {steady['bias']:+.1f}"
+    assert f"| {figures} | {steady['speed_behind']:.1f}, {steady['recorded_speed_behind']:.1f} |" in rows[0]
+    counts = [int(cell) for cell in samples.strip("| ").split(" | ")[1:]]
+    assert sum(counts[:-1]) == counts[-1] == steady["count"]
 
 
 def test_figure_has_a_line_a_model_for_both_figures() -> None:
