@@ -21,7 +21,7 @@ def default_of(policies: Sequence[Predictor], moments: Sequence[Moment], referen
 
     Returns:
         "default", a name: the lowest RMSE until last seen of those that pass the gates. Under "policies", by name,
-        "until_last_seen" with `rmse`, `mad`, `bias` [m]; "empty_road", least share of the reference's speed;
+        "until_last_seen", as of `figures_until_last_seen`; "empty_road", least share of the reference's speed;
         "disobeys", how often; "collisions", share of predictions; and "refusals", in words. Under
         "constant_velocity" its errors until last seen.
 

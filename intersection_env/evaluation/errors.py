@@ -152,22 +152,24 @@ def distance_error(forecaster: Forecaster, moments: Sequence[Moment]) -> float:
     return float(np.sqrt(np.mean(sums[known] / counts[known])))
 
 
-def errors_until_last_seen(forecaster: Forecaster, moments: Sequence[Moment]) -> Floats:
-    """Of the distance along the route, of everyone scored until last seen: (sample,) [m], predicted minus recorded."""
-    parts = [
-        _distance_when_last_seen(moment, forecaster.predict(moment.traffic).position[0], STEPS) for moment in moments
-    ]
-    return np.concatenate([np.zeros(0), *parts])
-
-
 def figures_until_last_seen(forecaster: Forecaster, moments: Sequence[Moment]) -> dict[str, float]:
-    """What a training says of it: `rmse`, `mad` and `bias` until last seen [m], to a millimetre.
+    """What a training says of it: `rmse`, `mad` and `bias` until last seen [m]; and `SPEEDS` of those scored [m/s].
+
+    Where nobody is behind the junction there is no speed. All are rounded to millimetres.
 
     Raises:
         ValueError: there is nobody to score.
     """
-    found = error_figures(errors_until_last_seen(forecaster, moments))
-    return {"rmse": round(found.rmse, 3), "mad": round(found.mad, 3), "bias": round(found.bias, 3)}
+    found = errors(forecaster, moments)
+    error, scored = (
+        error_figures(found.until_last_seen("distance").compressed()),
+        ~np.ma.getmaskarray(found.last_seen()),
+    )
+    figures = {"rmse": error.rmse, "mad": error.mad, "bias": error.bias}
+    for key, speeds in zip(SPEEDS, (found.behind, found.recorded_behind), strict=True):
+        if (mean := mean_speed(speeds[:, scored])) is not None:
+            figures[key] = mean
+    return {key: round(value, 3) for key, value in figures.items()}
 
 
 def _distance_when_last_seen(moment: Moment, predicted: NDArray[np.float32], within: int) -> Floats:

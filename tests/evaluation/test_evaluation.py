@@ -15,8 +15,8 @@ from intersection_env.evaluation.errors import (
     distance_error,
     error_figures,
     errors,
-    errors_until_last_seen,
     evaluate,
+    figures_until_last_seen,
 )
 from intersection_env.evaluation.moments import HORIZONS, Moment, moments_of
 from intersection_env.prediction.measures import time_loss
@@ -210,7 +210,10 @@ def test_until_last_seen_scores_those_who_leave_where_they_leave(bendplatz: Inte
     assert table[table["population"] == "last_seen"]["horizon"].tolist() == [6.0, 10.0]
     assert rows["last_seen", 6.0]["bias"] == pytest.approx(leaves, rel=1e-3)
     assert rows["last_seen", 10.0]["bias"] == pytest.approx(stays, rel=1e-3)
-    np.testing.assert_allclose(np.sort(errors_until_last_seen(constant, moments)), [stays, leaves], rtol=1e-3)
+    figures = figures_until_last_seen(constant, moments)
+    assert figures["rmse"] == pytest.approx(everybody["rmse"], abs=1e-3)
+    assert figures["bias"] == pytest.approx(everybody["bias"], abs=1e-3)
+    assert set(figures) == {"rmse", "mad", "bias"}  # nobody is behind the junction
 
 
 def test_figure_to_choose_by_holds_those_who_leave_at_every_horizon(bendplatz: Intersection) -> None:
@@ -237,10 +240,13 @@ def test_speeds_behind_the_junction_are_of_whose_rear_is_there(bendplatz: Inters
         track(bendplatz, "07/1", "SE-NW", position[:seen], speed[:seen]),
         track(bendplatz, "07/before", "NW-SE", *accelerating(5.0, 4.0, 0.0)),
     ]
-    found = errors(Predictor.load("constant_velocity"), first(scenes_of(bendplatz, tracks)))
+    constant, moments = Predictor.load("constant_velocity"), first(scenes_of(bendplatz, tracks))
+    found = errors(constant, moments)
     assert found.behind.compressed().tolist() == pytest.approx([4.0] * (seen - 4))  # 3.2 m after 4 steps
     assert found.recorded_behind.compressed().tolist() == pytest.approx([8.0] * (seen - 3))  # 4 m after 3 steps
     assert found.behind[:, 1].count() == 0
+    figures = figures_until_last_seen(constant, moments)
+    assert (figures["speed_behind"], figures["recorded_speed_behind"]) == (4.0, 8.0)
 
 
 def test_bias_says_which_way_errors_lean() -> None:

@@ -119,7 +119,7 @@ def test_the_policy_drives_by_the_best_network_and_says_what_it_learned_from(
     rows = [json.loads(line) for line in (settings.run / METRICS).read_text().splitlines()]
     assert (best["error"], best["epoch"]) == min((row["predicted"], row["epoch"]) for row in rows if "predicted" in row)
     looked = [row for row in rows if "predicted" in row]
-    assert all(set(row["until_last_seen"]) == {"rmse", "mad", "bias"} for row in looked)
+    assert all(set(row["until_last_seen"]) >= {"rmse", "mad", "bias", "recorded_speed_behind"} for row in looked)
     assert all(set(row["empty_road"]) == {"least", "mean"} for row in looked)
     assert set(policy.about["until_last_seen"]) == {"gail", "constant_velocity"}
     assert policy.about["empty_road"] == empty_road(Predictor(policy, "gail"), maps=[scenes.intersection]).figures()
