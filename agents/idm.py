@@ -1,4 +1,4 @@
-"""Calibrates the IDM: the parameters by which it predicts the recorded vehicles best.
+"""Calibrates the IDM: the parameters by which it predicts the recorded vehicles best, those who drive off included.
 
 python -m agents.idm --scenes out/scenes.npz --out intersection_env/policies/idm_calibrated.policy
 """
@@ -19,7 +19,7 @@ from tqdm import tqdm
 
 from agents.training.command import Command
 from agents.training.folder import file_hash
-from intersection_env.evaluation.errors import distance_error
+from intersection_env.evaluation.errors import distance_error, figures_until_last_seen
 from intersection_env.evaluation.moments import Moment, followed, moments_of
 from intersection_env.policies.file import IdmParameters, PolicyFile
 from intersection_env.policies.named import gap_decider
@@ -95,12 +95,18 @@ def main(arguments: Sequence[str] | None = None) -> int:
             }
             for name, one in (("calibrated", policy), ("paper", dataclasses.replace(policy, idm=IdmParameters())))
         }
-        print(f"{parameters}\nroot of the mean squared error over 2 to 10 s [m]: {figures}")
+        print(f"{parameters}\nroot of the mean squared error over 2 to 10 s, when last seen until then [m]: {figures}")
+        until_last_seen = {
+            one.name: figures_until_last_seen(one, held_out)
+            for one in (Predictor(policy, "calibrated"), Predictor.load("constant_velocity"))
+        }
+        print(f"until last seen, development [m]: {until_last_seen}")
         about = {
             "made_by": COMMAND,
             "settings": {"every": options.every, "rounds": options.rounds, "gap": options.gap},
             "data": {"map": scenes.intersection.name, "sha256": file_hash(options.scenes)},
             "distance_error": figures,
+            "until_last_seen": until_last_seen,
         }
         dataclasses.replace(policy, about=about).save(command.output)
     return command.status

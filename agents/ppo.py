@@ -28,8 +28,11 @@ from agents.training.folder import RunFolder, decisive
 from agents.training.loop import Epochs, geometric, linear
 from agents.training.seeds import train_seeds
 from intersection_env.constants import DT
+from intersection_env.evaluation.empty_road import EmptyRoad, empty_road
 from intersection_env.features import Driving
+from intersection_env.maps.intersection import Intersection
 from intersection_env.policies.named import gap_decider
+from intersection_env.prediction.predictor import Predictor
 
 COMMAND = "python -m agents.ppo"
 VALIDATION_SEED = 2**40  # of no training
@@ -139,10 +142,13 @@ def train_driver(settings: PpoSettings, folder: RunFolder | None = None, progres
             if epochs.is_due:
                 runs = _watched(driver.policy, settings)
                 row["validation"] = {gap: dataclasses.asdict(run) for gap, run in runs.items()}
+                alone = _alone(driver.policy, settings)
+                row["empty_road"] = alone.figures()
                 epochs.show(
                     reward=" ".join(f"{run.reward:.2f}" for run in runs.values()),
                     collisions=" ".join(f"{run.collisions:.1e}" for run in runs.values()),
                     speed=" ".join(f"{run.speed:.1f}" for run in runs.values()),
+                    alone=f"{alone.least:.2f}",
                 )
             epochs.end(row)
     return driver
@@ -195,6 +201,12 @@ def _watched(policy: DrivingNetwork, settings: PpoSettings) -> dict[str, Validat
     }
 
 
+def _alone(policy: DrivingNetwork, settings: PpoSettings) -> EmptyRoad:
+    """How fast it is on the map's empty roads, beside the calibrated IDM that ships."""
+    predictor = Predictor(driving_policy(gap_decider(settings.gaps[0]), policy, {}), "ppo")
+    return empty_road(predictor, maps=[Intersection.load(settings.map)])
+
+
 def main(settings: PpoSettings) -> int:
     """Trains as told and writes the policy file `ppo.policy` into the run folder; returns the exit status."""
     if settings.seeds:
@@ -210,6 +222,11 @@ def main(settings: PpoSettings) -> int:
             run = validation_run(driver.policy, map=settings.map, gap=gap, seed=VALIDATION_SEED)
             about["validation_run"][gap] = {key: round(value, 6) for key, value in dataclasses.asdict(run).items()}
             print(f"2000 s with 12 vehicles, gaps by {gap}: {about['validation_run'][gap]}")
+        alone = _alone(driver.policy, settings)
+        about["empty_road"] = alone.figures()
+        print(
+            f"alone, speed after 10 s as a share of the calibrated IDM's: {about['empty_road']}; least: {alone.where}"
+        )
         driving_policy(deciders[0], driver.policy, about).save(command.output)
     return command.status
 

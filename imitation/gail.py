@@ -31,8 +31,9 @@ from imitation.discriminator import Discriminator, DiscriminatorLoss, Discrimina
 from imitation.expert import expert_steps
 from imitation.replay_error import replay_error
 from intersection_env.constants import DT, STEPS
-from intersection_env.evaluation.errors import distance_error
-from intersection_env.evaluation.moments import followed, moments_of
+from intersection_env.evaluation.empty_road import empty_road
+from intersection_env.evaluation.errors import distance_error, figures_until_last_seen
+from intersection_env.evaluation.moments import Moment, followed, moments_of
 from intersection_env.policies.named import gap_decider
 from intersection_env.prediction.predictor import Predictor
 from intersection_env.scenes.scene import SPLITS
@@ -41,6 +42,7 @@ from intersection_env.worlds.recorded_tracks import steps_to_act
 from intersection_env.worlds.replay import ReplayWorlds
 
 COMMAND = "python -m imitation.gail"
+STEADY = "constant_velocity"  # beside which predictions are shown
 BETWEEN_MOMENTS = 4.0  # [s], of those that are predicted
 
 
@@ -125,7 +127,7 @@ def train_driver(
         ValueError: no usable scene.
     """
     decider = gap_decider(settings.decider)
-    watched = followed(moments_of(scenes.select("development"), BETWEEN_MOMENTS)[0])
+    watched = _watched(scenes)
     if not watched:
         raise ValueError("no moment of the development scenes to predict from")
     best: dict[str, Any] = {"error": float("inf")}
@@ -189,10 +191,18 @@ def train_driver(
             if epochs.is_due:
                 error = replay_error(driver.policy, scenes, "development")
                 predictor = Predictor(driving_policy(decider, driver.policy, {}), "gail")
+                alone = empty_road(predictor, maps=[scenes.intersection])
                 row |= {"development": dataclasses.asdict(error), "predicted": distance_error(predictor, watched)}
+                row |= {"until_last_seen": figures_until_last_seen(predictor, watched), "empty_road": alone.figures()}
                 if row["predicted"] < best["error"]:
                     best |= {"error": row["predicted"], "epoch": epoch, "policy": deepcopy(driver.policy.state_dict())}
-                epochs.show(accuracy=f"{row['accuracy']:.2f}", alone=f"{error.rmse:.1f}", best=f"{best['error']:.2f}")
+                epochs.show(
+                    accuracy=f"{row['accuracy']:.2f}",
+                    alone=f"{error.rmse:.1f}",
+                    bias=f"{row['until_last_seen']['bias']:.1f}",
+                    empty=f"{alone.least:.2f}",
+                    best=f"{best['error']:.2f}",
+                )
             epochs.end(row)
     driver.policy.load_state_dict(best["policy"])
     return driver
@@ -247,6 +257,20 @@ def _hashes(settings: GailSettings, start: Driver | None) -> dict[str, str]:
     return hashes
 
 
+def _figures(predictor: Predictor, scenes: Scenes) -> dict[str, Any]:
+    """How it predicts development, beside constant velocity, and how fast it is alone; printed too."""
+    moments = _watched(scenes)
+    until_last_seen = {one.name: figures_until_last_seen(one, moments) for one in (predictor, Predictor.load(STEADY))}
+    alone = empty_road(predictor, maps=[scenes.intersection])
+    print(f"until last seen, development [m]: {until_last_seen}")
+    print(f"on an empty road, speed as a share of the calibrated IDM's: {alone.figures()}; least: {alone.where}")
+    return {"until_last_seen": until_last_seen, "empty_road": alone.figures()}
+
+
+def _watched(scenes: Scenes) -> list[Moment]:
+    return followed(moments_of(scenes.select("development"), BETWEEN_MOMENTS)[0])
+
+
 def main(settings: GailSettings) -> int:
     """Trains as told and writes the policy file `gail.policy` into the run folder; returns the exit status."""
     if settings.seeds:
@@ -264,6 +288,7 @@ def main(settings: GailSettings) -> int:
         about |= {"map": scenes.intersection.name, "sha256": hashes}
         about["development"] = {key: round(value, 6) for key, value in figures.items()}
         print(f"alone among the recorded vehicles of development, 10 s: {about['development']}")
+        about |= _figures(Predictor(driving_policy(decider, driver.policy, {}), "gail"), scenes)
         driving_policy(decider, driver.policy, about).save(command.output)
     return command.status
 

@@ -35,6 +35,14 @@ class ReplayError:
     """Share of the steps at delta = 0, since a vehicle was able to stop, in which it crossed its line."""
 
 
+def constant_velocity_network() -> DrivingNetwork:
+    """A network that never accelerates: what others are compared with."""
+    network = DrivingNetwork()
+    for weights in network.parameters():
+        torch.nn.init.zeros_(weights)
+    return network
+
+
 def replay_error(policy: DrivingNetwork, scenes: str | Path | Scenes, split: str | None) -> ReplayError:
     """Lets every recorded car and truck of a split be driven by the mean action, with the recorded order as delta.
 

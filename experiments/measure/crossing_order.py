@@ -200,8 +200,8 @@ class Options:
     """The scenes file; `python -m data.build` makes it."""
     split: Literal["development", "validation"] = "development"
     """What to measure on; validation is for the report only."""
-    policies: tuple[str, ...] = ("gail", "ppo", "gap", "idm_calibrated")
-    """Names of shipped policies, or policy files."""
+    policies: tuple[str, ...] = ("gail", "ppo", "gap", "idm_calibrated", "constant_velocity")
+    """Names of shipped policies or rules, or policy files."""
     out: Path = Path("experiments/results")
     """The folder of the results file."""
 

@@ -1,4 +1,6 @@
-"""How far SUMO as it comes is off as a predictor, beside the calibrated IDM: errors to read, without a results file.
+"""How far SUMO as it comes is off as a predictor, beside the calibrated IDM and constant velocity.
+
+Errors to read, without a results file.
 
 python -m experiments.sumo_predictor
 """
@@ -37,6 +39,6 @@ def main(options: Options) -> int:
         print(f"error: {error}", file=sys.stderr)
         return 1
     print(f"{len(moments)} moments, {(time.perf_counter() - begin) / len(moments) * 1e3:.1f} ms each by SUMO")
-    for one in (sumo, Predictor.load("idm_calibrated")):
+    for one in (sumo, Predictor.load("idm_calibrated"), Predictor.load("constant_velocity")):
         print(evaluate(one, moments).round(2).to_string(index=False))
     return 0

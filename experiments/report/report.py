@@ -17,10 +17,13 @@ from experiments.report.summary import summary
 from experiments.report.tables import (
     NAMES,
     closed_loop_table,
+    default_table,
     errors_table,
     extrapolated_table,
+    last_seen_table,
     replay_table,
     report_table,
+    until_last_seen_table,
 )
 from experiments.results_files import results_in
 from experiments.show import ablations
@@ -112,6 +115,21 @@ def _sections(results: Json) -> Iterator[str]:
     yield accuracy_table(results["gap_validation"])
     yield "## Crossing order\n\nValidation, no priorities assigned:"
     yield order_table(results["order_validation"])
+    yield (
+        "## Until last seen\n\nWho is recorded at the start and after 10 s is mostly who waited: who drives off has"
+        " left the view. Here everyone recorded at the start counts, at the last moment within 10 s at which it is"
+        " recorded (1 s later at least), validation:"
+    )
+    yield until_last_seen_table(validation)
+    yield "By when they were last seen:"
+    yield last_seen_table(validation)
+    yield "The same on development, with every seed:"
+    yield until_last_seen_table(development)
+    yield (
+        "The default policy is the one of least RMSE until last seen on development, of those that pass the gates"
+        " (`intersection_env/evaluation/gates.py`):"
+    )
+    yield default_table(results["default"])
     yield "## Distance and time loss\n\nAfter 10 s, vehicles recorded at the start and then, validation:"
     yield errors_table(validation)
     yield "![Errors over the horizon](figures/horizon.svg)"

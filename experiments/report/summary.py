@@ -21,8 +21,9 @@ def summary(results: Json, about: Json, seconds: Mapping[str, float]) -> dict[st
 
     Returns:
         Shares between 0 and 1, metres, seconds. "data", of validation: "gap", with recorded foes, "order" of pairs
-        recorded at the start, "distance" and "time_loss" of vehicles recorded at the start and at 10 s; "closed_loop",
-        PPO's run of 2000 s with the gap network; "runtime" and "seconds".
+        recorded at the start, "distance" and "time_loss" of vehicles recorded at the start and at 10 s, and the
+        distance's errors "until_last_seen"; "default", the default policy's name; "closed_loop", PPO's run of 2000 s
+        with the gap network; "runtime" and "seconds".
     """
     at_10s = {name: row for name, row in results["horizon_validation"]["at_10s"].items() if name in MODELS}
     run = results["closed_loop"]["drivers"]["ppo"]["gap"]
@@ -37,6 +38,12 @@ def summary(results: Json, about: Json, seconds: Mapping[str, float]) -> dict[st
         "time_loss": {
             name: {"rmse_10s": row["time_loss_rmse"]["value"], "q80_10s": row["time_loss_q80"]["value"]}
             for name, row in at_10s.items()
+        },
+        "default": results["default"]["default"],
+        "until_last_seen": {
+            name: {key: row[f"distance_{key}"]["value"] for key in ("rmse", "mad", "bias")}
+            for name, row in results["horizon_validation"]["until_last_seen"].items()
+            if name in MODELS
         },
         "closed_loop": {
             "reward": run["reward"],

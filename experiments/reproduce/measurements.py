@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import json
 from collections.abc import Mapping, Sequence
 from functools import partial
 from pathlib import Path
@@ -23,7 +24,7 @@ from experiments.reproduce.stages import run_module
 from experiments.reproduce.workspace import Workspace
 from experiments.results_files import write_result
 from imitation.expert import expert_steps
-from imitation.replay_error import replay_error
+from imitation.replay_error import constant_velocity_network, replay_error
 from intersection_env.evaluation.errors import Forecaster
 from intersection_env.evaluation.moments import Moment, contested, moments_of
 from intersection_env.policies.file import PolicyFile
@@ -34,6 +35,7 @@ from intersection_env.scenes.scenes import Scenes
 SIMULATED = Path("data/recordings").resolve()
 SEED = 0  # of random choices in the measurements
 UNTRAINED_SEED = 0
+COMPARED = ("gail", "ppo", "idm", "idm_calibrated", "constant_velocity")  # in crossing orders
 
 
 class Measurements:
@@ -54,6 +56,7 @@ class Measurements:
         self.workspace.stage("closed_loop", ["gail"], self.result("closed_loop"), self._closed_loop)
         timed = self.options.scenes_timed
         self.workspace.stage("runtime", ["gail"], self.result("runtime"), self._runtime, scenes=timed)
+        self._write("default", json.loads(self.workspace.default.read_text(encoding="utf-8")))
         self._write("reproduced", {"about": self._about(), "seconds": self.workspace.seconds()})
 
     def result(self, name: str) -> Path:
@@ -82,7 +85,7 @@ class Measurements:
     def _order(self, split: str) -> None:
         moments, _ = moments_of(Scenes.load(self.workspace.scenes).select(split))
         models = self._models()
-        results = order_results([models[name] for name in ("gail", "ppo", "idm", "idm_calibrated")], moments)
+        results = order_results([models[name] for name in COMPARED], moments)
         self._write(f"order_{split}", {"split": split, **results})
 
     def _gap_accuracy(self, split: str) -> None:
@@ -93,6 +96,7 @@ class Measurements:
         scenes = Scenes.load(self.workspace.scenes)
         torch.manual_seed(UNTRAINED_SEED)
         networks = {"untrained": DrivingNetwork()}
+        networks["constant_velocity"] = constant_velocity_network()
         for name in ("ppo", "gail"):
             for one in (name, *(f"{name}_{seed}" for seed in self.options.seeds)):
                 networks[one] = driving_network(PolicyFile.read(self.workspace.policy(one)))

@@ -1,4 +1,4 @@
-"""The trainings of `make reproduce`: scenes, gap network, calibrated IDM, PPO and GAIL."""
+"""The trainings of `make reproduce`: scenes, gap network, calibrated IDM, PPO and GAIL; and which is the default."""
 
 from __future__ import annotations
 
@@ -13,11 +13,14 @@ from agents.ppo import PROFILES as PPO_PROFILES
 from agents.training.folder import file_hash
 from data.build import build
 from data.build import summary as scenes_summary
+from experiments.reproduce.default import default_of
 from experiments.reproduce.stages import run_module, run_trainings
 from experiments.reproduce.workspace import Workspace
+from experiments.results_files import write_result
 from imitation.gail import BETWEEN_MOMENTS
 from imitation.gail import PROFILES as GAIL_PROFILES
 from intersection_env.evaluation.errors import distance_error
+from intersection_env.evaluation.gates import LEAST_SPEED, MOST_COLLISIONS
 from intersection_env.evaluation.moments import followed, moments_of
 from intersection_env.files import written_whole
 from intersection_env.maps.intersection import MAPS, Intersection
@@ -25,6 +28,9 @@ from intersection_env.policies.file import PolicyFile
 from intersection_env.prediction.predictor import Predictor
 from intersection_env.scenes.scene import SPLITS
 from intersection_env.scenes.scenes import Scenes
+
+TRAINED = ("gap", "idm_calibrated", "ppo", "gail")
+"""Policies that ship."""
 
 
 class Trainings:
@@ -35,7 +41,7 @@ class Trainings:
         self.options = workspace.options
 
     def run(self) -> None:
-        """Scenes, gap network, calibrated IDM, PPO, GAIL; of the last two one a seed, and then the best.
+        """Scenes, gap network, calibrated IDM, PPO, GAIL, the default; of PPO and GAIL one a seed, and then the best.
 
         Raises:
             StageFailedError: a training ended with an error.
@@ -54,6 +60,7 @@ class Trainings:
         stage("idm", ["gap"], policy("idm_calibrated"), self._idm, effort=effort)
         stage("ppo", ["gap"], policy("ppo"), self._ppo, seeds=seeds, effort=effort)
         stage("gail", ["ppo"], policy("gail"), self._gail, effort=effort)
+        stage("default", ["gail", "idm"], self.workspace.default, self._default, limits=[LEAST_SPEED, MOST_COLLISIONS])
 
     def _scenes(self) -> None:
         intersection = Intersection.load(self.options.map)
@@ -95,6 +102,14 @@ class Trainings:
         self._seeds("gail", GAIL_PROFILES["default"][1].epochs, command)
         watched = followed(moments_of(Scenes.load(self.workspace.scenes).select("development"), BETWEEN_MOMENTS)[0])
         self._best("gail", lambda path: -distance_error(Predictor.load(path), watched))
+
+    def _default(self) -> None:
+        policies = [Predictor.load(self.workspace.policy(name)) for name in TRAINED]
+        moments = followed(moments_of(Scenes.load(self.workspace.scenes).select("development"))[0])
+        reference = Predictor.load(self.workspace.policy("idm_calibrated"))
+        found = default_of(policies, moments, reference)
+        print(f"default: {found['default']}")
+        write_result(self.workspace.default, found)
 
     def _seeds(self, name: str, epochs: int, command: Callable[[int], list[str]]) -> None:
         """Trains a driver with each seed, as many at a time as there are cores."""

@@ -65,6 +65,11 @@ class Workspace:
         """The scenes file."""
         return self.options.work / "scenes.npz"
 
+    @property
+    def default(self) -> Path:
+        """Which policy is the default, and why."""
+        return self.options.work / "default.json"
+
     def epochs(self, whole: int) -> int:
         """How many of a whole training's epochs a training lasts here."""
         return max(1, round(self.options.effort * whole))

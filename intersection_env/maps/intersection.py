@@ -16,6 +16,11 @@ from intersection_env.maps.meeting import Conflict, SharedLane
 MAPS = Path(__file__).parent
 
 
+def shipped_maps() -> list[str]:
+    """The names of the maps that ship."""
+    return sorted(file.stem for file in MAPS.glob("*.map"))
+
+
 class Sample(IntEnum):
     """Columns of `Route.samples` and of `Intersection.sample`.
 
@@ -93,7 +98,7 @@ class Intersection:
 
             return cls(compile_file(path), str(path))
         if path.suffix != ".map":
-            shipped = sorted(file.stem for file in MAPS.glob("*.map"))
+            shipped = shipped_maps()
             if str(name_or_path) not in shipped:
                 raise ValueError(
                     f'no map "{name_or_path}" ships (there are {", ".join(shipped)});'

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -18,7 +19,9 @@ from agents.networks.export import driving_policy
 from agents.ppo import PROFILES, PpoSettings, main, train_driver
 from agents.rollouts.policy_update import PolicyUpdate, UpdateSettings
 from agents.rollouts.validation_run import validation_run
-from agents.training.folder import CHECKPOINT
+from agents.training.folder import CHECKPOINT, METRICS
+from intersection_env import Intersection, Predictor
+from intersection_env.evaluation.empty_road import empty_road
 from intersection_env.policies.file import PolicyFile
 from intersection_env.policies.named import gap_decider
 from tests.support.damage import with_checksum
@@ -99,6 +102,11 @@ def test_the_policy_drives_by_the_last_network_and_says_how_it_does(tmp_path: Pa
     np.testing.assert_array_equal(policy.driving_network.layers[1][0], state["policy.second.weight"])
     assert policy.about["map"] == "bendplatz"
     assert set(policy.about["validation_run"]) == {"gap", "critical_gap"}
+    alone = empty_road(Predictor(policy, "ppo"), maps=[Intersection.load("bendplatz")])
+    assert policy.about["empty_road"] == alone.figures()
+    rows = [json.loads(line) for line in (tmp_path / "run" / METRICS).read_text().splitlines()]
+    assert [row["epoch"] for row in rows if "empty_road" in row] == [3, 6, 8]
+    assert rows[-1]["empty_road"] == alone.figures()
 
 
 def test_command_line_reaches_nested_settings() -> None:

@@ -22,8 +22,9 @@ from agents.training.folder import CHECKPOINT, METRICS, RunFolder, file_hash, st
 from imitation.discriminator import Discriminator, DiscriminatorSettings
 from imitation.gail import PROFILES, GailSettings, main, start_of, train_driver
 from imitation.replay_error import ReplayError, replay_error
-from intersection_env import Scenes
+from intersection_env import Predictor, Scenes
 from intersection_env.constants import STEPS
+from intersection_env.evaluation.empty_road import empty_road
 from intersection_env.features import Driving
 from intersection_env.policies.file import PolicyFile
 from intersection_env.policies.named import POLICIES
@@ -117,6 +118,11 @@ def test_the_policy_drives_by_the_best_network_and_says_what_it_learned_from(
     np.testing.assert_array_equal(policy.driving_network.layers[1][0], best["policy"]["second.weight"])
     rows = [json.loads(line) for line in (settings.run / METRICS).read_text().splitlines()]
     assert (best["error"], best["epoch"]) == min((row["predicted"], row["epoch"]) for row in rows if "predicted" in row)
+    looked = [row for row in rows if "predicted" in row]
+    assert all(set(row["until_last_seen"]) >= {"rmse", "mad", "bias", "recorded_speed_behind"} for row in looked)
+    assert all(set(row["empty_road"]) == {"least", "mean"} for row in looked)
+    assert set(policy.about["until_last_seen"]) == {"gail", "constant_velocity"}
+    assert policy.about["empty_road"] == empty_road(Predictor(policy, "gail"), maps=[scenes.intersection]).figures()
     assert policy.about["map"] == "bendplatz"
     assert policy.about["sha256"] == {
         "scenes": file_hash(settings.scenes),

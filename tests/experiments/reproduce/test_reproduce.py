@@ -9,20 +9,26 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from agents.networks.driving import DrivingNetwork
 from agents.networks.export import driving_policy
 from agents.ppo import PROFILES as PPO_PROFILES
 from experiments.reproduce import measurements, reproduce, trainings
+from experiments.reproduce.default import default_of
 from experiments.reproduce.measurements import Measurements
-from experiments.reproduce.reproduce import TRAINED, main
+from experiments.reproduce.reproduce import main
 from experiments.reproduce.stages import StageFailedError
+from experiments.reproduce.trainings import TRAINED
 from experiments.reproduce.workspace import Options, Workspace
 from experiments.results_files import rounded
 from imitation.gail import PROFILES as GAIL_PROFILES
-from intersection_env import Intersection
+from imitation.replay_error import constant_velocity_network
+from intersection_env import Intersection, Predictor, Scene, Scenes
+from intersection_env.evaluation.moments import moments_of
 from intersection_env.policies.named import POLICIES, gap_decider
+from intersection_env.scenes.scene import Track
 from tests.support.recordings import on_route, steady, write_recording
 
 MEASURED = ("_horizon", "_order", "_gap_accuracy", "_replay", "_maneuvers", "_closed_loop", "_runtime")
@@ -158,7 +164,7 @@ def test_bad_recordings_are_named_before_anything_is_trained(
 @pytest.mark.parametrize(
     ("change", "said"),
     [
-        ({"map": "nowhere"}, '--map is "nowhere"; wanted one that ships: bendplatz, t_junction'),
+        ({"map": "nowhere"}, '--map is "nowhere"; wanted one that ships: bendplatz, crossroads, t_junction'),
         ({"map": "intersection_env/maps/bendplatz.json"}, "wanted one that ships"),
         ({"seeds": ()}, "--seeds names no seed"),
         ({"effort": -1.0}, "--effort is -1; wanted more than 0"),
@@ -185,6 +191,37 @@ def test_training_keeps_the_best_seed_of_each_driver(options: Options, trainer: 
     assert (policies / "ppo.policy").read_bytes() == (policies / "ppo_4.policy").read_bytes()
     assert (policies / "gail.policy").read_bytes() == (policies / "gail_3.policy").read_bytes()
     assert not options.out.exists()
+
+
+def test_default_predicts_best_of_those_that_pass(options: Options, trainer: Trainer) -> None:
+    assert main(options) == 0
+    found = json.loads((options.work / "default.json").read_text(encoding="utf-8"))
+    assert set(found["policies"]) == set(TRAINED)
+    passing = {name: row for name, row in found["policies"].items() if not row["refusals"]}
+    assert {"gap", "idm_calibrated"} <= set(passing)
+    errors = {name: row["until_last_seen"]["rmse"] for name, row in passing.items()}
+    assert errors[found["default"]] == min(errors.values())
+    assert found["constant_velocity"]["rmse"] < 0.5  # all drive steadily
+
+
+def test_policy_that_predicts_best_but_stands_is_no_default() -> None:
+    """Two cars wait for each other's going, so to say: they stand, and so does who never accelerates."""
+    bendplatz = Intersection.load("bendplatz")
+    still = np.full(51, 60.0, np.float32), np.zeros(51, np.float32), np.zeros(51, np.float32)
+    tracks = [
+        Track(f"07/{k}", "car", bendplatz.route_index(route), 4.5, 1.8, 0, *still, np.ones(51, np.bool_))
+        for k, route in enumerate(("NW-SE", "SE-NW"))
+    ]
+    scenes = Scenes(bendplatz, (Scene("07/0", "07", "development", 0.0, 51, tuple(tracks)),), {}, {})
+    moments = moments_of(scenes)[0]
+    stands = Predictor(driving_policy(gap_decider("gap"), constant_velocity_network(), {}), "stands")
+    idm = Predictor.load("idm_calibrated")
+    found = default_of([stands, idm], moments, idm)
+    assert found["policies"]["stands"]["until_last_seen"]["rmse"] == 0.0
+    assert "on an empty road" in found["policies"]["stands"]["refusals"][0]
+    assert found["default"] == "idm_calibrated"
+    with pytest.raises(ValueError, match=r"no policy passes the gates, so none can be the default: stands: 0\.00 of"):
+        default_of([stands], moments, idm)
 
 
 def test_effort_is_the_share_of_epochs_but_one_at_least(options: Options, trainer: Trainer) -> None:
@@ -234,7 +271,9 @@ def test_shipping_copies_the_policies_into_the_package(
     assert main(options) == 0
     assert not list(package.iterdir())
     assert main(replace(options, ship=True)) == 0
-    assert {path.name for path in package.iterdir()} == {f"{name}.policy" for name in TRAINED}
+    assert {path.name for path in package.iterdir()} == {"default", *(f"{name}.policy" for name in TRAINED)}
+    chosen = json.loads((options.work / "default.json").read_text(encoding="utf-8"))
+    assert (package / "default").read_text(encoding="utf-8") == f"{chosen['default']}\n"
     for name in TRAINED:
         shipped = (package / f"{name}.policy").read_bytes()
         assert shipped == (options.work / "policies" / f"{name}.policy").read_bytes()
