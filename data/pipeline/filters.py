@@ -9,7 +9,8 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from data.pipeline.projection import Projection, RouteLine
+from data.pipeline.projection import STANDS, Projection
+from data.pipeline.route_line import RouteLine
 from data.pipeline.shared_lanes import PairGap, overlap_length, pair_gap
 from data.recording import PEDESTRIAN, Recording
 from intersection_env import _core
@@ -51,6 +52,8 @@ def crossings(recording: Recording, projection: Projection, intersection: Inters
     intervals: list[Interval] = []
     for index in who:
         reason = reasons.get(recording.road_user[index], "vehicle without a route")
+        if projection.unassigned.get(index) == STANDS:
+            reason = "standing vehicle without a route"
         frames = recording.frame[rows[on_road & (owner == index)]]
         intervals += [Interval(reason, b - margin, e + margin) for b, e in _runs(frames)]
     return intervals
@@ -75,7 +78,11 @@ def overtakings(tracks: Sequence[Track], intersection: Intersection) -> list[Int
 
 
 def touchings(tracks: Sequence[Track], intersection: Intersection) -> list[Interval]:
-    """When two vehicles touch by the core's own measure, which `Traffic` would refuse; above all where paths cross.
+    """When two vehicles collide by the core's own measures.
+
+    They touch, which `Traffic` would refuse, above all where paths cross; or they come so close that the worlds
+    call it a collision: bodies half a metre apart, or even full braking would not keep them apart. So drive
+    those who are about to overtake; in a replay they would be punished for it.
 
     Raises:
         ValueError: the core refuses a vehicle or a moment; the message names recording, track and time.
@@ -95,6 +102,7 @@ def touchings(tracks: Sequence[Track], intersection: Intersection) -> list[Inter
     columns.append(np.full(len(step), np.inf, np.float32))
     present, begin = np.unique(step[order], return_index=True)
     touching: list[int] = []
+    too_close: list[int] = []
     for one, rows in zip(present, map(slice, begin, [*begin[1:], len(step)]), strict=True):
         ids = [tracks[index].id for index in owner[rows]]
         try:
@@ -105,8 +113,11 @@ def touchings(tracks: Sequence[Track], intersection: Intersection) -> list[Inter
         found = _core.closest(intersection.core, traffic)
         if found is not None and found[0] < 0.0:
             touching.append(one)
+        elif _core.collision(intersection.core, traffic) is not None:
+            too_close.append(one)
     margin = round(OVERTAKING_MARGIN / DT)
-    return [Interval("touching vehicles", b - margin, e + margin) for b, e in _runs(np.array(touching))]
+    found_at = {"touching vehicles": touching, "vehicles too close to brake": too_close}
+    return [Interval(reason, b - margin, e + margin) for reason, at in found_at.items() for b, e in _runs(np.array(at))]
 
 
 def together(tracks: Sequence[Track]) -> Iterator[tuple[Track, Track]]:
