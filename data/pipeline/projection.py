@@ -165,7 +165,8 @@ def _choose(fits: list[Fit], lines: list[RouteLine], number: int, rows: slice) -
 
 
 def _track(recording: Recording, index: int, line: RouteLine, rows: NDArray[np.int64], position: Floats) -> Track:
-    direction = line.direction(position)
+    stretch = line.stretch(position, np.stack([recording.x[rows], recording.y[rows]], axis=1))
+    direction = line.direction(position) * stretch[:, None]
     speed = (recording.velocity[rows] * direction).sum(axis=1)
     acceleration = (recording.acceleration[rows] * direction).sum(axis=1)
     length, width = recording.length[index], recording.width[index]
