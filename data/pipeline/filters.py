@@ -23,6 +23,7 @@ NEAR = 35.0  # [m], paper: the field of view reaches this far along the main roa
 KERB = 0.3  # [m], ours: a pedestrian counts as on the roadway from this far inside the lane's edge
 CROSSING_MARGIN = 1.0  # [s], ours: drivers brake before the pedestrian steps on the road, and start after
 OVERTAKING_MARGIN = 1.0  # [s], ours: the one who overtakes has left the lane before bodies are side by side
+DRIFT = np.float32(0.1)  # [m], ours: a replay adds up accelerations, and may bring a vehicle so far from its place
 
 
 class Interval(NamedTuple):
@@ -99,21 +100,23 @@ def touchings(tracks: Sequence[Track], intersection: Intersection) -> list[Inter
         columns.append(np.concatenate([getattr(track, name) for track in tracks])[order])
     for name in ("length", "width"):
         columns.append(np.array([getattr(track, name) for track in tracks], np.float32)[owner])
-    columns.append(np.full(len(step), np.inf, np.float32))
+    columns.append(np.full(len(step), np.inf, np.float32))  # top speeds
     present, begin = np.unique(step[order], return_index=True)
     touching: list[int] = []
     too_close: list[int] = []
     for one, rows in zip(present, map(slice, begin, [*begin[1:], len(step)]), strict=True):
         ids = [tracks[index].id for index in owner[rows]]
+        position, speed, length, width, unbounded = (column[rows] for column in columns)
         try:
             with naming(ids):
-                traffic = _core.Traffic(intersection.core, route[rows], *(column[rows] for column in columns))
+                traffic = _core.Traffic(intersection.core, route[rows], position, speed, length, width, unbounded)
         except ValueError as error:
             raise ValueError(f"recording {ids[0].partition('/')[0]}, {one * DT:.1f} s: {error}") from None
         found = _core.closest(intersection.core, traffic)
+        wider = _core.Traffic(intersection.core, route[rows], position, speed, length, width + DRIFT, unbounded)
         if found is not None and found[0] < 0.0:
             touching.append(one)
-        elif _core.collision(intersection.core, traffic) is not None:
+        elif _core.collision(intersection.core, wider) is not None:
             too_close.append(one)
     margin = round(OVERTAKING_MARGIN / DT)
     found_at = {"touching vehicles": touching, "vehicles too close to brake": too_close}
