@@ -22,8 +22,8 @@ ROWS = ("frame", "x", "y", "velocity", "acceleration", "heading")
 def join_standing(recording: Recording) -> tuple[Recording, int]:
     """The recording with such tracks as one, under the first id, and how many joints there were.
 
-    recording: resampled to 0.2 s. One vehicle is a track that ends standing and one of its size that begins
-    standing at the same place, up to 5 s after that end or 2 s before it. In a gap it stands: positions run
+    recording: resampled to 0.2 s. One vehicle is a track that ends standing and one of its kind and size that
+    begins standing at the same place, up to 5 s after that end or 2 s before it. In a gap it stands: positions run
     evenly from the last to the next, speeds are 0. Where both are there, the first track's rows are kept.
     Bicycles and pedestrians have no size to know them by, and are not joined.
     """
@@ -68,8 +68,10 @@ def _followers(recording: Recording) -> dict[int, int]:
             gap = recording.frame[begin[other]] - recording.frame[end[one]]
             later = recording.frame[begin[other]] > recording.frame[begin[one]]
             later &= recording.frame[end[other]] > recording.frame[end[one]]
+            if one == other or not later or not -LONGEST_OVERLAP <= gap * DT <= LONGEST_GAP:
+                continue
             size = max(abs(column[other] - column[one]) for column in (recording.length, recording.width))
-            if one == other or not later or not -LONGEST_OVERLAP <= gap * DT <= LONGEST_GAP or size > SAME_SIZE:
+            if size > SAME_SIZE or recording.road_user[one] != recording.road_user[other]:
                 continue
             row = begin[other] + max(0, -int(gap))
             away = np.hypot(recording.x[row] - recording.x[end[one]], recording.y[row] - recording.y[end[one]])

@@ -28,7 +28,7 @@ PLAIN_LANE = 3.5  # [m], ours: in a lane of this width or less all of the distan
 ALONG = 0.9  # ours: least share of the way driven that leads along the route (a mean angle of 25 degrees)
 BACKWARD = 1.0  # [m], ours: a standing vehicle's position jitters by less
 LEAST_SAMPLES = 5  # ours: a track shorter than 1 s shows neither lane nor manner of driving
-TELLING = 0.5  # [m], ours: two routes that fit are told apart where their distances differ by this much
+TELLING = 1.25  # [m], ours: routes are told apart by more, so that who drives 1 m aside is on no other's
 BICYCLE_SIZE = (1.8, 0.6)  # [m], ours: a city bicycle with its rider; length and width, inD gives 0
 
 STANDS = "stands all along, without a route"

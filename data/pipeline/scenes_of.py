@@ -35,7 +35,8 @@ def build_scenes(recording: Recording, split: str, intersection: Intersection) -
     projection = project(recording, intersection)
     reasons: defaultdict[str, float] = defaultdict(float)
     reasons.update({f"tracks: {reason}": count for reason, count in projection.dropped.items()})
-    reasons["tracks: joined where they stood"] += joints
+    if joints:
+        reasons["tracks: joined where they stood"] = joints
     steps = int(recording.frame.max(initial=-1)) + 1
     extrapolation: Counter[str] = Counter()
     tracks = extrapolate(projection.tracks, intersection, extrapolation)
