@@ -65,8 +65,13 @@ class Projection:
     dropped: Counter[str]
 
 
-def project(recording: Recording, intersection: Intersection) -> Projection:
-    """Assigns the vehicles of a recording, resampled to 0.2 s, to routes and projects their motion."""
+def project(
+    recording: Recording, intersection: Intersection, rms_excess: float = RMS_EXCESS, max_excess: float = MAX_EXCESS
+) -> Projection:
+    """Assigns the vehicles of a recording, resampled to 0.2 s, to routes and projects their motion.
+
+    rms_excess, max_excess: how far the tracks may lie from a route that they fit [m].
+    """
     dropped: Counter[str] = Counter()
     lines = [RouteLine.of(intersection, route) for route in intersection.routes]
     candidates = _candidates(recording, lines, dropped)
@@ -80,7 +85,7 @@ def project(recording: Recording, intersection: Intersection) -> Projection:
     points = shapely.points(recording.x[rows], recording.y[rows])
     stands = [stands_all_along(recording, index) for index in candidates]
     motion = _motion(recording, rows, np.repeat(stands, end - begin))
-    fits = [_fit(line, motion, points, offsets) for line in lines]
+    fits = [_fit(line, motion, points, offsets, (rms_excess, max_excess)) for line in lines]
     for number, index in enumerate(candidates):
         chosen = _choose(fits, lines, number, slice(offsets[number], offsets[number + 1]))
         if stands[number]:
@@ -121,7 +126,13 @@ def _motion(recording: Recording, rows: NDArray[np.int64], stands: Flags) -> Flo
     return np.where(stands[:, None], pointed * sized[:, None], recording.velocity[rows])
 
 
-def _fit(line: RouteLine, motion: Floats, points: NDArray[np.object_], offsets: NDArray[np.int64]) -> Fit:
+def _fit(
+    line: RouteLine,
+    motion: Floats,
+    points: NDArray[np.object_],
+    offsets: NDArray[np.int64],
+    tolerance: tuple[float, float],
+) -> Fit:
     position, distance = line.locate(points)
     inside = (position > 0.0) & (position < line.route.length)
     excess = inside * np.maximum(0.0, distance - np.maximum(0.0, 0.5 * (line.width(position) - PLAIN_LANE)))
@@ -136,7 +147,7 @@ def _fit(line: RouteLine, motion: Floats, points: NDArray[np.object_], offsets: 
     entered = inside & ~np.concatenate([[False], inside[:-1]])
     entered[offsets[:-1]] = inside[offsets[:-1]]
     once = np.add.reduceat(entered, offsets[:-1], dtype=np.int64) == 1
-    near = (rms <= RMS_EXCESS) & (np.maximum.reduceat(excess, offsets[:-1]) <= MAX_EXCESS)
+    near = (rms <= tolerance[0]) & (np.maximum.reduceat(excess, offsets[:-1]) <= tolerance[1])
     in_lane = near & once & (count >= LEAST_SAMPLES)
     return Fit(in_lane & (along >= ALONG * way) & (backward <= BACKWARD), in_lane, rms, position, distance, inside)
 

@@ -8,7 +8,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from intersection_env.maps.intersection import Intersection, Route, Sample
+from intersection_env.maps.intersection import XY, Intersection, Route, Sample
 
 STRAIGHT = 1e-3  # [m], ours: points of a centreline that deviate less are left out
 BEND = 1.0  # [m], ours: a bend is measured over as much before and behind
@@ -51,20 +51,27 @@ class RouteLine:
         heading = self._samples(position)[:, Sample.HEADING].astype(np.float64)
         return np.stack([np.cos(heading), np.sin(heading)], axis=1)
 
+    def left(self, position: Floats, points: NDArray[np.float64]) -> Floats:
+        """How far points lie to the left of the route's places at these arc lengths: (position,) [m].
+
+        points: (position, 2) [m].
+        """
+        here = self._samples(position).astype(np.float64)
+        east, north = (points - here[:, XY]).T
+        heading = here[:, Sample.HEADING]
+        return np.asarray(north * np.cos(heading) - east * np.sin(heading))
+
     def stretch(self, position: Floats, points: NDArray[np.float64]) -> Floats:
         """How much faster the nearest place on the route moves than the point itself, going along: (position,).
 
         points: (position, 2) [m]. More than 1 on the inside of a bend, where drivers cut the corner; their speed
         over the ground would not cover the arc length that they do.
         """
-        here = self._samples(position).astype(np.float64)
-        east, north = (points - here[:, [Sample.X, Sample.Y]]).T
-        heading = here[:, Sample.HEADING]
-        left = north * np.cos(heading) - east * np.sin(heading)
+        left = self.left(position, points)
         ends = np.clip([position - BEND, position + BEND], 0.0, self.route.length)
         before, after = (self._samples(one)[:, Sample.HEADING].astype(np.float64) for one in ends)
         turn = (after - before + np.pi) % (2.0 * np.pi) - np.pi
-        return 1.0 / np.maximum(1.0 - left * turn / (ends[1] - ends[0]), 1.0 / MOST_STRETCH)
+        return np.asarray(1.0 / np.maximum(1.0 - left * turn / (ends[1] - ends[0]), 1.0 / MOST_STRETCH))
 
     def _samples(self, position: Floats) -> NDArray[np.float32]:
         return self.intersection.sample(self.route.index, position.astype(np.float32))
