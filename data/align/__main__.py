@@ -10,13 +10,13 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from data.align.align import LEAST_CARS, align, compiled
+from data.align.align import LEAST_CARS, align
 from data.align.picture import plot_alignment
 from data.align.report import report
 from data.align.source_file import write_source
 from data.build import recordings_on
 from data.formats.ind import read_recording
-from intersection_env.maps.intersection import MAPS
+from intersection_env.maps.intersection import MAPS, Intersection
 from intersection_env.maps.source import MapSource
 from intersection_env.plots.files import write_figure
 
@@ -38,9 +38,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
         path = source_path(options.map)
         if options.out.suffix != ".json":
             raise ValueError(f'--out must end in .json, not "{options.out}"')
-        source = MapSource.read(path)
-        on_map, _ = recordings_on(options.folder, compiled(source))
-        alignment = align(source, [read_recording(options.folder, id) for id in on_map], options.least_cars)
+        source, before = MapSource.read(path), Intersection.load(options.map)
+        on_map, _ = recordings_on(options.folder, before)
+        recordings = [read_recording(options.folder, id) for id in on_map]
+        alignment = align(source, before, recordings, options.least_cars)
         write_source(path, alignment.source, options.out)
         picture = options.picture or options.out.with_suffix(".png")
         write_figure(plot_alignment(alignment), picture)

@@ -33,13 +33,15 @@ class Alignment:
     limited: tuple[str, ...]
 
 
-def align(source: MapSource, recordings: Sequence[Recording], least_cars: int = LEAST_CARS) -> Alignment:
-    """The source with its lanes where the recordings' cars and trucks drive.
+def align(
+    source: MapSource, before: Intersection, recordings: Sequence[Recording], least_cars: int = LEAST_CARS
+) -> Alignment:
+    """The source with its lanes where the recordings' cars and trucks drive; `before` is what it compiles to.
 
     Raises:
-        ValueError: the source does not compile, or no car fits one of its routes.
+        ValueError: no car fits one of its routes.
     """
-    before = after = compiled(source)
+    after = before
     first = drives = find_drives(recordings, before)
     if not drives:
         raise ValueError(f'no car of the recordings drives on a route of map "{source.name}"')
