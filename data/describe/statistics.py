@@ -14,13 +14,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from data.describe.gaps import LONGEST_GAP, critical_gap, offered_gaps, open_pairs
+from data.describe.real import BENDPLATZ
+from data.describe.speeds import STANDING, Spread, slowest_in_junction, speed_behind_junction
 from data.pipeline.filters import together, touchings
 from data.pipeline.shared_lanes import overlap_length, pair_gap
 from intersection_env.constants import DT
 from intersection_env.maps.intersection import Intersection
 from intersection_env.scenes.scenes import Scenes
 
-STANDING = 0.5  # [m/s], ours: slower is standing
 LEAST_PAIRS = 400.0  # [1/h], ours: fewer are too few decisions to learn from in the hours that ship
 CRITICAL_GAP = (4.0, 7.0)  # [s], ours: about the Highway Capacity Manual's 4.1 to 7.1 s
 
@@ -31,6 +32,7 @@ class Statistics:
 
     hours: float
     vehicles: dict[str, int]
+    motor_vehicles_per_hour: float
     pairs_per_hour: float
     yielder_first: float
     gaps_per_hour: float
@@ -40,6 +42,10 @@ class Statistics:
     standing: tuple[float, float] | None
     """Mean and 90 % quantile; None without a vehicle from a side road."""
     mean_speed: float
+    slowest: dict[str, Spread | None]
+    """In the junction, by turn."""
+    behind: Spread | None
+    """Speed behind the junction."""
     acceleration_p1: float
     acceleration_p99: float
     smallest_gap: float
@@ -69,6 +75,7 @@ def statistics(scenes: Scenes) -> Statistics:
     return Statistics(
         hours=hours,
         vehicles=dict(sorted(Counter(vehicles.values()).items())),
+        motor_vehicles_per_hour=sum(kind != "bicycle" for kind in vehicles.values()) / hours,
         pairs_per_hour=len(pairs) / hours,
         yielder_first=sum(pair.yielder_first for pair in pairs) / max(len(pairs), 1),
         gaps_per_hour=len(gaps) / hours,
@@ -76,6 +83,8 @@ def statistics(scenes: Scenes) -> Statistics:
         critical_gap=critical_gap(seconds, accepted),
         standing=(float(standing.mean()), float(np.quantile(standing, 0.9))) if len(standing) else None,
         mean_speed=float(speed.mean(dtype=np.float64)),
+        slowest=slowest_in_junction(scenes),
+        behind=speed_behind_junction(scenes),
         acceleration_p1=float(np.quantile(acceleration, 0.01)),
         acceleration_p99=float(np.quantile(acceleration, 0.99)),
         smallest_gap=smallest,
@@ -84,28 +93,46 @@ def statistics(scenes: Scenes) -> Statistics:
 
 
 def describe(figures: Statistics) -> str:
-    """The figures as text, one a line, with the bars they must reach."""
+    """The figures as text, one a line: here, what real traffic has, and the bars they must reach."""
     vehicles = ", ".join(f"{count} {road_user}" for road_user, count in figures.vehicles.items())
-    pairs = f"{figures.pairs_per_hour:.0f} an hour (bar: {LEAST_PAIRS:.0f} or more)"
     critical, width = (f"{value:.1f} s" for value in figures.critical_gap) if figures.critical_gap else ("none",) * 2
     standing = "mean {:.1f} s, p90 {:.1f} s".format(*figures.standing) if figures.standing else "none"
     rows = {
         "traffic in scenes": f"{figures.hours:.2f} h",
         "vehicles": vehicles,
-        "unled yield/priority pairs": pairs,
+        "cars and trucks": f"{figures.motor_vehicles_per_hour:.0f} an hour",
+        "unled yield/priority pairs": f"{figures.pairs_per_hour:.0f} an hour",
         "yielder goes first": f"{100.0 * figures.yielder_first:.0f} %",
-        f"gaps of {LONGEST_GAP:g} s or less": f"{figures.gaps_per_hour:.0f} an hour offered to unled yielders",
+        f"gaps of {LONGEST_GAP:g} s or less": f"{figures.gaps_per_hour:.0f} an hour",
         "gaps accepted": f"{100.0 * figures.gaps_accepted:.0f} %",
-        "critical gap": f"{critical} (bar: {CRITICAL_GAP[0]:g} to {CRITICAL_GAP[1]:g} s)",
+        "critical gap": critical,
         "its 10-90 % width": width,
         "side-road standing time": standing,
         "mean speed in view": f"{figures.mean_speed:.1f} m/s",
+        **{f"slowest in junction, {turn}": _speeds(one) for turn, one in figures.slowest.items()},
+        "speed behind the junction": _speeds(figures.behind),
         "acceleration 1 %, 99 %": f"{figures.acceleration_p1:+.1f}, {figures.acceleration_p99:+.1f} m/s²",
         "smallest bumper gap": f"{figures.smallest_gap:.2f} m",
-        "overlapping vehicles": f"{figures.overlapping} (bar: 0)",
+        "overlapping vehicles": str(figures.overlapping),
         "all bars reached": "yes" if figures.meets_bars else "NO",
     }
-    return "\n".join(f"{name:<28} {text}" for name, text in rows.items())
+    bars = {
+        "unled yield/priority pairs": f"at least {LEAST_PAIRS:.0f}",
+        "critical gap": f"{CRITICAL_GAP[0]:g} to {CRITICAL_GAP[1]:g} s",
+        "overlapping vehicles": "0",
+    }
+    heads = ("", "here", "real Bendplatz", "bar")
+    table = [heads, *((name, text, BENDPLATZ.get(name, ""), bars.get(name, "")) for name, text in rows.items())]
+    widths = [max(len(row[column]) for row in table) for column in range(len(heads))]
+    return "\n".join(
+        "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in table
+    )
+
+
+def _speeds(spread: Spread | None) -> str:
+    if spread is None:
+        return "too few vehicles"
+    return f"{spread.median:.1f} m/s ({spread.low:.1f} to {spread.high:.1f}, {spread.vehicles} vehicles)"
 
 
 def _standing_times(scenes: Scenes) -> dict[str, float]:

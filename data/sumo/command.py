@@ -14,6 +14,7 @@ import numpy as np
 from data.sumo import demand, net_file
 from data.sumo.demand import Driver
 from data.sumo.network import Network
+from data.sumo.places import BENDPLATZ
 from intersection_env.constants import DT
 from intersection_env.maps.source import MapSource
 
@@ -38,7 +39,7 @@ def without_drivers(command: list[str]) -> list[str]:
 
 def dense_traffic(source: MapSource, duration: float) -> list[Driver]:
     """Cars and trucks as in the shipped recordings, denser: drawn over a longer time, which is then shortened [s]."""
-    drawn = demand.draw_drivers(np.random.default_rng(0), demand.streams_of(source), duration * DENSER)
+    drawn = demand.draw_drivers(np.random.default_rng(0), BENDPLATZ, demand.streams_of(source), duration * DENSER)
     return [replace(one, depart=one.depart / DENSER) for one in drawn if one.kind != "bicycle"]
 
 

@@ -9,11 +9,13 @@ from typing import NamedTuple
 
 import numpy as np
 
+from data.sumo.network import CORNERING
+from data.sumo.places import Place
 from intersection_env.maps.source import MapSource
 
 BLOCK = 180.0  # [s], ours: traffic comes denser and thinner in blocks this long
 BLOCK_SPREAD = 0.35  # ours: standard deviation of the logarithm of a block's demand
-MAIN_FLOW, SIDE_FLOW, BICYCLE_FLOW = 280.0, 131.0, 30.0  # [1/h] an arm, an arm, in all
+BICYCLE_FLOW = 30.0  # [1/h] in all
 TRUCK_SHARE = 0.04
 BICYCLE_WIDTH = 0.65  # [m]
 TURNS = {"main": {"straight": 0.66, "left": 0.17, "right": 0.17}, "side": {"straight": 0.4, "left": 0.3, "right": 0.3}}
@@ -30,12 +32,13 @@ class Stream(NamedTuple):
 
 @dataclass(frozen=True)
 class Driver:
-    """A vehicle and its driver: departure [s], length and width [m], SUMO's vType attributes."""
+    """A vehicle and its driver: departure [s], length and width [m], SUMO's vehicle class and vType attributes."""
 
     id: str
     depart: float
     route: str
     kind: str
+    v_class: str
     length: float
     width: float
     traits: dict[str, float]
@@ -56,9 +59,9 @@ def streams_of(source: MapSource) -> list[Stream]:
     ]
 
 
-def draw_drivers(rng: np.random.Generator, streams: list[Stream], duration: float) -> list[Driver]:
+def draw_drivers(rng: np.random.Generator, place: Place, streams: list[Stream], duration: float) -> list[Driver]:
     """The drivers of `duration` seconds, in the order of their departure."""
-    trips = sorted(_trips(rng, streams, duration))
+    trips = sorted(_trips(rng, place, streams, duration))
     return [_driver(rng, str(number), *trip) for number, trip in enumerate(trips)]
 
 
@@ -68,10 +71,9 @@ def write(drivers: list[Driver], route_edges: dict[str, tuple[str, ...]], path: 
     for route, edges in route_edges.items():
         lines.append(f'<route id="{route}" edges="{" ".join(edges)}"/>')
     for one in drivers:
-        v_class = {"car": "passenger", "truck_bus": "truck", "bicycle": "bicycle"}[one.kind]
         traits = " ".join(f'{key}="{value:.4f}"' for key, value in one.traits.items())
         lines.append(
-            f'<vType id="t{one.id}" vClass="{v_class}" carFollowModel="Krauss" speedDev="0"'
+            f'<vType id="t{one.id}" vClass="{one.v_class}" carFollowModel="Krauss" speedDev="0"'
             f' length="{one.length:.2f}" width="{one.width:.2f}" {traits}/>'
         )
         arrival = "max" if one.arrival is None else f"{one.arrival:.2f}"
@@ -82,11 +84,14 @@ def write(drivers: list[Driver], route_edges: dict[str, tuple[str, ...]], path: 
     path.write_text("\n".join([*lines, "</routes>", ""]), encoding="utf-8")
 
 
-def _trips(rng: np.random.Generator, streams: list[Stream], duration: float) -> Iterator[tuple[float, str, str]]:
+def _trips(
+    rng: np.random.Generator, place: Place, streams: list[Stream], duration: float
+) -> Iterator[tuple[float, str, str]]:
     arms = {stream.entry: stream.road for stream in streams}
     for begin in np.arange(0.0, duration, BLOCK):
         for arm, road in arms.items():
-            flow = (MAIN_FLOW if road == "main" else SIDE_FLOW) * rng.lognormal(-(BLOCK_SPREAD**2) / 2, BLOCK_SPREAD)
+            mean = place.main_flow if road == "main" else place.side_flow
+            flow = mean * rng.lognormal(-(BLOCK_SPREAD**2) / 2, BLOCK_SPREAD)
             for kind, rate in (("vehicle", flow), ("bicycle", BICYCLE_FLOW / len(arms))):
                 for _ in range(rng.poisson(rate * BLOCK / 3600.0)):
                     mine = [stream for stream in streams if stream.entry == arm]
@@ -104,25 +109,28 @@ def _driver(rng: np.random.Generator, number: str, depart: float, route: str, ki
         return float(np.clip(value, low, high))
 
     traits = {
-        "speedFactor": trait(0.94, 0.07, 0.75, 1.2),
-        "accel": trait(2.3, 0.3, 1.5, 3.2),
-        "decel": trait(2.7, 0.3, 2.0, 3.6),
+        "speedFactor": trait(0.94, 0.11, 0.65, 1.25),
+        "accel": trait(2.1, 0.45, 1.1, 3.2),
+        "decel": trait(2.0, 0.5, 1.2, 3.5),
         "emergencyDecel": 5.5,
-        "tau": trait(1.15, 0.2, 0.75, 1.8, -0.6),
-        "minGap": trait(2.0, 0.4, 1.2, 3.0, -0.6),
+        "tau": trait(1.2, 0.3, 0.7, 2.2, -0.6),
+        "minGap": trait(2.0, 0.5, 1.0, 3.5, -0.6),
         "sigma": float(rng.uniform(0.1, 0.6)),
-        "jmTimegapMinor": trait(-0.6, 0.7, -2.0, 1.2, -0.6),
+        "jmTimegapMinor": trait(-0.9, 1.0, -2.5, 1.5, -0.6),
         "impatience": float(rng.uniform(0.6, 1.0)),
         "jmStoplineGap": 0.4,
         "jmStoplineGapMinor": float(rng.uniform(0.0, 0.7)),
         "maxSpeed": 30.0,
     }
+    cornering = trait(2.2, 0.8, 1.0, 4.5)
+    v_class = min(CORNERING, key=lambda one: abs(CORNERING[one] - cornering))
     if kind == "bicycle":
         slow = {"maxSpeed": trait(4.8, 0.6, 3.6, 6.2), "accel": 1.2, "decel": 2.5, "minGap": 1.0}
-        return Driver(number, depart, route, kind, 1.8, BICYCLE_WIDTH, traits | slow)
+        return Driver(number, depart, route, kind, "bicycle", 1.8, BICYCLE_WIDTH, traits | slow)
     if rng.random() < TRUCK_SHARE:
+        v_class = min(CORNERING, key=CORNERING.__getitem__)
         heavy = {"accel": 1.4, "decel": 2.5, "speedFactor": min(traits["speedFactor"], 1.0)}
         size = round(float(rng.uniform(6.5, 10.5)), 2), round(float(rng.uniform(2.3, 2.55)), 2)
-        return Driver(number, depart, route, "truck_bus", *size, traits | heavy)
+        return Driver(number, depart, route, "truck_bus", v_class, *size, traits | heavy)
     size = round(trait(4.4, 0.35, 3.5, 5.4, 0.0), 2), round(trait(1.8, 0.08, 1.6, 2.05, 0.0), 2)
-    return Driver(number, depart, route, "car", *size, traits)
+    return Driver(number, depart, route, "car", v_class, *size, traits)

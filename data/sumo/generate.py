@@ -1,4 +1,4 @@
-"""Stand-in recordings: SUMO traffic on the Bendplatz map, written as inD writes its recordings.
+"""Stand-in recordings: SUMO traffic on the maps that ship, written as inD writes its recordings.
 
 `python -m data.sumo` regenerates every shipped recording, to the same uncompressed bytes. The traffic
 is simulated; nothing in it stems from a camera. Positions follow from SUMO's positions along its lanes
@@ -18,24 +18,24 @@ from data.sumo import drive as sumo_drive
 from data.sumo import network as sumo_network
 from data.sumo import recording_files as sumo_files
 from data.sumo import tracks as sumo_tracks
-from data.sumo.network import MAP, Network
+from data.sumo.network import Network
+from data.sumo.places import NUMBERS, PLACES, Place, place_of
 from data.sumo.tracks import FRAME_RATE, Track
 from intersection_env.maps.source import MapSource
+from intersection_env.scenes.scene import SPLITS
 
 RECORDINGS = Path(__file__).parents[1] / "recordings"
-COUNT = 20
-SPLIT = {"train": range(0, 12), "development": range(12, 15), "validation": range(15, 20)}
 DURATION, WARM_UP = 720.0, 60.0  # [s]
-SEED, REDRAW = 9010, 1000  # recording NN has seed SEED + NN, plus REDRAW for every time it is drawn again
+SEED, REDRAW = 20100, 1000  # recording NN has seed SEED + NN, plus REDRAW for every time it is drawn again
 
 
 def main() -> None:
     """Regenerate the recordings."""
     parser = argparse.ArgumentParser(prog="python -m data.sumo", description=__doc__)
-    parser.add_argument("--recording", type=int, choices=range(COUNT), help="only this one, without settings.json")
+    parser.add_argument("--recording", type=int, choices=NUMBERS, help="only this one, without settings.json")
     parser.add_argument("--output", type=Path, default=RECORDINGS, help="folder to write to")
     options = parser.parse_args()
-    numbers = list(range(COUNT)) if options.recording is None else [options.recording]
+    numbers = NUMBERS if options.recording is None else [options.recording]
     seeds = {number: generate(number, options.output) for number in tqdm(numbers, unit="recording")}
     if options.recording is None:
         sumo_files.write_settings(options.output, _made_with(seeds))
@@ -44,18 +44,19 @@ def main() -> None:
 def generate(number: int, folder: Path) -> list[int]:
     """Write one recording's files; the seeds tried, the last without vehicles that collide or overlap."""
     folder.mkdir(parents=True, exist_ok=True)
-    source, network = sumo_network.read()
+    place = place_of(number)
+    source, network = sumo_network.read(place.source)
     seeds, tracks = [SEED + number], None
-    while (tracks := draw(source, network, seeds[-1])) is None:
+    while (tracks := draw(place, source, network, seeds[-1])) is None:
         seeds.append(seeds[-1] + REDRAW)
-    sumo_files.write_recording(folder, number, tracks, DURATION)
+    sumo_files.write_recording(folder, number, place.location, tracks, DURATION)
     return seeds
 
 
-def draw(source: MapSource, network: Network, seed: int) -> list[Track] | None:
+def draw(place: Place, source: MapSource, network: Network, seed: int) -> list[Track] | None:
     """The tracks under a seed, in order of appearance; None if vehicles collide or overlap."""
     rng = np.random.default_rng(seed)
-    drivers = sumo_demand.draw_drivers(rng, sumo_demand.streams_of(source), WARM_UP + DURATION)
+    drivers = sumo_demand.draw_drivers(rng, place, sumo_demand.streams_of(source), WARM_UP + DURATION)
     driven = sumo_drive.simulate(network, drivers, seed, WARM_UP, DURATION, sumo_demand.main_arms(source))
     if driven is None:
         return None
@@ -63,7 +64,7 @@ def draw(source: MapSource, network: Network, seed: int) -> list[Track] | None:
     tracks = []
     for motion in driven:
         path = network.paths[motion.driver.route]
-        seen = sumo_tracks.track(motion, path, sumo_tracks.view_of(source, path), frames)
+        seen = sumo_tracks.track(motion, path, sumo_tracks.view_of(source, path, place.view), frames)
         tracks += [] if seen is None else [seen]
     if sumo_tracks.overlaps(tracks):
         return None
@@ -74,8 +75,8 @@ def draw(source: MapSource, network: Network, seed: int) -> list[Track] | None:
 def _made_with(seeds: dict[int, list[int]]) -> dict[str, object]:
     return {
         "made_by": "python -m data.sumo",
-        "map": MAP.stem,
-        "split": {name: [f"{number:02d}" for number in numbers] for name, numbers in SPLIT.items()},
+        "maps": {place.map: [f"{number:02d}" for number in place.recordings] for place in PLACES},
+        "split": {name: [f"{number:02d}" for place in PLACES for number in place.numbers[name]] for name in SPLITS},
         "seeds": {f"{number:02d}": tried[-1] for number, tried in seeds.items()},
         "redraw_reason": "vehicles collided or overlapped under the seeds listed",
         "redrawn": {f"{number:02d}": tried[:-1] for number, tried in seeds.items() if len(tried) > 1},

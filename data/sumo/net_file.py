@@ -19,8 +19,12 @@ def write(network: Network, path: Path) -> None:
     lines = ['<net version="1.20" junctionCornerDetail="5" limitTurnSpeed="-1">']
     around = "-200.00,-200.00,200.00,200.00"
     lines.append(_tag("location", netOffset="0.00,0.00", convBoundary=around, origBoundary=around, projParameter="!"))
+    for edge_id, link in network.links.items():  # speeds by class hang on an edge's type
+        limits = [_tag("restriction", vClass=one, speed=f"{speed:.2f}") for one, speed in link.speeds.items()]
+        lines.append(f'<type id="{edge_id[1:]}">{"".join(limits)}</type>')
     for edge_id, link in network.links.items():
-        lines.append(f'<edge id="{edge_id}" function="internal">{_lane(edge_id, link.shape, link.speed)}</edge>')
+        lane = _lane(edge_id, link.shape, link.speed)
+        lines.append(f'<edge id="{edge_id}" function="internal" type="{edge_id[1:]}">{lane}</edge>')
     for edge_id, edge in network.edges.items():
         lines.append(
             f'<edge id="{edge_id}" from="{edge.begin_node}" to="{edge.end_node}" priority="1">'

@@ -14,14 +14,15 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from data.sumo.places import BENDPLATZ
 from intersection_env.maps.curve import Points
-from intersection_env.maps.intersection import MAPS
 from intersection_env.maps.source import MapSource, Piece, RouteSource
 
-MAP = MAPS / "bendplatz.json"
-"""The map on which traffic is simulated."""
 CENTRE = "centre"
-TURN_ACCELERATION = 3.4  # [m/s^2], ours: drivers take a turn at the speed that needs this much sideways
+CORNERING = {"taxi": 1.4, "hov": 2.0, "evehicle": 2.6, "custom1": 3.2, "custom2": 4.0}
+"""[m/s^2] ours: a driver takes a turn at the speed that needs this much sideways. SUMO knows speeds of a lane by class
+of vehicle alone, so those who corner alike are a class, whatever its name."""
+TURN_ACCELERATION = CORNERING["evehicle"]
 SHIFT_ACCELERATION = 6.0  # [m/s^2], ours: more, since a driver straightens the drawn way into a pocket
 CURVATURE_WINDOW = 3.0  # [m], ours: a bend is felt over this length
 STANDOFF = 0.7  # [m], ours: SUMO's vehicles stand at the very end of a lane, real ones a little before the line
@@ -81,6 +82,8 @@ class Link:
     direction: str = "s"
     state: str = "M"
     visibility: float = 100.0
+    speeds: dict[str, float] = field(default_factory=dict)
+    """By class of vehicle [m/s]; others drive at `speed`."""
 
 
 @dataclass
@@ -98,7 +101,7 @@ class Network:
     """Pairs of routes that conflict: the first waits for the second."""
 
 
-def read(path: Path = MAP) -> tuple[MapSource, Network]:
+def read(path: Path = BENDPLATZ.source) -> tuple[MapSource, Network]:
     """A map's source and its network; the compiled map lies beside the source."""
     source = MapSource.read(path)
     return source, build(source, path.with_suffix(".map").read_text(encoding="utf-8"))
@@ -206,7 +209,8 @@ def _add_link(
     if piece.inside_junction:
         right_of_way, turn = source.arms[route.entry].right_of_way, source.turn(route)
         state = "m" if right_of_way == "priority" and turn == "left" else LINK_STATE[right_of_way]
-        link = Link(before, after, node, shape, speed, DIRECTION[turn], state, VISIBILITY[right_of_way])
+        speeds = {one: min(limit, curve_speed(path, arcs, lateral)) for one, lateral in CORNERING.items()}
+        link = Link(before, after, node, shape, speed, DIRECTION[turn], state, VISIBILITY[right_of_way], speeds)
     network.links[edge_id] = link
     return edge_id
 

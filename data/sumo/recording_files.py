@@ -14,7 +14,6 @@ import pandas as pd
 from data.sumo.tracks import FRAME_RATE, Floats, Track
 from intersection_env.files import written_whole
 
-LOCATION = 901
 SPEED_LIMIT = 50.0 / 3.6  # [m/s]
 LATITUDE, LONGITUDE = 50.78, 6.07
 PIXEL = 0.00814  # [m]
@@ -22,13 +21,13 @@ DECIMALS = 3  # ours: inD has five; millimetres compress to two thirds of the si
 WEEKDAYS = ("monday", "tuesday", "wednesday", "thursday", "friday")
 
 
-def write_recording(folder: Path, number: int, tracks: list[Track], duration: float) -> None:
+def write_recording(folder: Path, number: int, location: int, tracks: list[Track], duration: float) -> None:
     """Write a recording's three files; the tracks in order of appearance, `duration` [s]."""
     tracks_table, meta = _tables(number, tracks)
     stem = folder / f"{number:02d}"
     content = tracks_table.to_csv(index=False, float_format=f"%.{DECIMALS}f", lineterminator="\n").encode()
     _write(stem.with_name(f"{stem.name}_tracks.csv.xz"), lzma.compress(content, preset=6))
-    for name, table in (("tracksMeta", meta), ("recordingMeta", _recording_meta(number, tracks, duration))):
+    for name, table in (("tracksMeta", meta), ("recordingMeta", _recording_meta(number, location, tracks, duration))):
         text = table.to_csv(index=False, float_format="%.5f", lineterminator="\n")
         _write(stem.with_name(f"{stem.name}_{name}.csv"), text.encode())
 
@@ -94,11 +93,11 @@ def _pair(x: str, y: str, values: Floats) -> dict[str, Floats]:
     return {x: values[:, 0], y: values[:, 1]}
 
 
-def _recording_meta(number: int, tracks: list[Track], duration: float) -> pd.DataFrame:
+def _recording_meta(number: int, location: int, tracks: list[Track], duration: float) -> pd.DataFrame:
     vehicles = sum(one.kind in ("car", "truck_bus") for one in tracks)
     row = {
         "recordingId": number,
-        "locationId": LOCATION,
+        "locationId": location,
         "frameRate": int(FRAME_RATE),
         "speedLimit": SPEED_LIMIT,
         "weekday": WEEKDAYS[number % len(WEEKDAYS)],

@@ -13,7 +13,6 @@ from data.sumo.network import Path2D
 from intersection_env.maps.source import MapSource
 
 FRAME_RATE = 25.0  # [1/s]
-VIEW = {"priority": 35.0, "yield": 20.0, "stop": 20.0}  # [m] before an arm's stop line and beyond the junction's end
 SWERVE = 1.9  # [m], ours: how far to the left a car passes a bicycle
 SWERVE_GAP = 1.5  # [m], ours: gap to the bicycle at which a swerve is complete, and at which its return begins
 SWERVE_TIME = 2.2  # [s], ours: how long a car takes to move to the left, or back
@@ -88,10 +87,10 @@ def track(motion: Motion, path: Path2D, view: tuple[float, float], frames: int) 
     )
 
 
-def view_of(source: MapSource, path: Path2D) -> tuple[float, float]:
-    """The arc lengths between which a route lies in the field of view [m]."""
+def view_of(source: MapSource, path: Path2D, view: dict[str, float]) -> tuple[float, float]:
+    """The arc lengths between which a route lies in the field of view [m]; view: as of `Place`."""
     entry, _, leave = path.id.partition("-")
-    before, beyond = (VIEW[source.arms[arm].right_of_way] for arm in (entry, leave))
+    before, beyond = (view[source.arms[arm].right_of_way] for arm in (entry, leave))
     return path.stop_line - before, path.junction_end + beyond
 
 

@@ -27,6 +27,7 @@ from numpy.typing import NDArray
 
 from data.sumo import network as sumo_network
 from data.sumo.command import command_of
+from data.sumo.places import BENDPLATZ
 from experiments.models.from_trajectories import prediction_of_trajectories
 from intersection_env.constants import STEPS
 from intersection_env.maps.intersection import Intersection
@@ -47,7 +48,7 @@ class SumoPredictor:
 
     def __init__(self) -> None:
         """Prepares the network; SUMO starts with the context."""
-        self._intersection = Intersection.load(sumo_network.MAP.with_suffix(".map"))
+        self._intersection = Intersection.load(BENDPLATZ.map)
         _, self._network = sumo_network.read()
 
     def __enter__(self) -> SumoPredictor:

@@ -97,7 +97,10 @@ def test_figures_describe_the_scenes(
     assert main([str(tmp_path / "scenes.npz")]) == 0
     printed = capsys.readouterr().out
     assert "1 bicycle, 2 car" in printed
-    assert "all bars reached             NO" in printed
+    rows = {line[:31].rstrip(): line[31:].split("  ")[0] for line in printed.splitlines()}
+    assert rows["all bars reached"] == "NO"
+    assert rows["slowest in junction, right"] == "too few vehicles"
+    assert "6.2 s" in next(line for line in printed.splitlines() if line.startswith("critical gap"))  # the real one
 
 
 def test_missing_scenes_file_is_an_error_in_words(capsys: pytest.CaptureFixture[str]) -> None:
