@@ -21,7 +21,7 @@ class Recording:
     track_id: (track,); road_user: one word per track, as "car"; length, width: (track,) [m], 0 where
     the format gives none; offsets: (track + 1,).
     frame: (row,), consecutive within a track; x, y: (row,) centre [m]; velocity: (row, 2) [m/s];
-    acceleration: (row, 2) [m/s²].
+    acceleration: (row, 2) [m/s²]; heading: (row,) of the body [rad], meaningless where the track has no size.
     """
 
     id: str
@@ -38,6 +38,7 @@ class Recording:
     y: Floats
     velocity: Floats
     acceleration: Floats
+    heading: Floats
 
     def resampled(self, dt: float) -> Recording:
         """The recording with one frame every `dt` seconds: those frames exactly, renumbered from 0.
@@ -63,4 +64,5 @@ class Recording:
             y=self.y[kept],
             velocity=self.velocity[kept],
             acceleration=self.acceleration[kept],
+            heading=self.heading[kept],
         )

@@ -134,6 +134,11 @@ def closest(map: Map, traffic: Traffic) -> tuple[float, int, int] | None:
     The smallest distance between two vehicles [m] and their indices, or None.
     """
 
+def collision(map: Map, traffic: Traffic) -> tuple[int, int] | None:
+    """
+    The first two vehicles that collide, now or once both have braked fully, or None.
+    """
+
 def complete(map: Map, traffic: Traffic, assignments: Annotated[NDArray[numpy.int8], dict(shape=(None, None), order='C', device='cpu', writable=False)]) -> NDArray[numpy.int8]:
     """
     (scenario, pair): the assignments and what they imply; raises ValueError for a contradiction.

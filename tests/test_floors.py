@@ -35,7 +35,7 @@ FLOORS = {
         ("envs",),
         ("__init__", "map_compiler"),
     ),
-    "data": (("recording",), ("formats", "pipeline", "sumo"), ("build", "describe")),
+    "data": (("recording",), ("formats", "pipeline", "sumo"), ("build", "describe"), ("align",)),
     "agents": (("networks", "training"), ("rollouts",), ("gap", "idm", "ppo")),
     "imitation": (("tracks", "discriminator", "torch_model"), ("expert", "replay_error"), ("gail",)),
     "experiments": (

@@ -110,6 +110,7 @@ def read_recording(folder: Path, recording: str) -> Recording:
         y=rows["yCenter"].to_numpy(),
         velocity=velocity,
         acceleration=rows[["xAcceleration", "yAcceleration"]].to_numpy(),
+        heading=np.radians((rows["heading"].to_numpy() + 180.0) % 360.0 - 180.0),
     )
     _check_frame_rate(files.recording_meta, result)
     return result

@@ -9,7 +9,8 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from data.pipeline.projection import Projection, RouteLine
+from data.pipeline.projection import STANDS, Projection
+from data.pipeline.route_line import RouteLine
 from data.pipeline.shared_lanes import PairGap, overlap_length, pair_gap
 from data.recording import PEDESTRIAN, Recording
 from intersection_env import _core
@@ -22,6 +23,7 @@ NEAR = 35.0  # [m], paper: the field of view reaches this far along the main roa
 KERB = 0.3  # [m], ours: a pedestrian counts as on the roadway from this far inside the lane's edge
 CROSSING_MARGIN = 1.0  # [s], ours: drivers brake before the pedestrian steps on the road, and start after
 OVERTAKING_MARGIN = 1.0  # [s], ours: the one who overtakes has left the lane before bodies are side by side
+DRIFT = np.float32(0.1)  # [m], ours: a replay adds up accelerations, and may bring a vehicle so far from its place
 
 
 class Interval(NamedTuple):
@@ -51,6 +53,8 @@ def crossings(recording: Recording, projection: Projection, intersection: Inters
     intervals: list[Interval] = []
     for index in who:
         reason = reasons.get(recording.road_user[index], "vehicle without a route")
+        if projection.unassigned.get(index) == STANDS:
+            reason = "standing vehicle without a route"
         frames = recording.frame[rows[on_road & (owner == index)]]
         intervals += [Interval(reason, b - margin, e + margin) for b, e in _runs(frames)]
     return intervals
@@ -75,7 +79,11 @@ def overtakings(tracks: Sequence[Track], intersection: Intersection) -> list[Int
 
 
 def touchings(tracks: Sequence[Track], intersection: Intersection) -> list[Interval]:
-    """When two vehicles touch by the core's own measure, which `Traffic` would refuse; above all where paths cross.
+    """When two vehicles collide by the core's own measures.
+
+    They touch, which `Traffic` would refuse, above all where paths cross; or they come so close that the worlds
+    call it a collision: bodies half a metre apart, or even full braking would not keep them apart. So drive
+    those who are about to overtake; in a replay they would be punished for it.
 
     Raises:
         ValueError: the core refuses a vehicle or a moment; the message names recording, track and time.
@@ -92,21 +100,27 @@ def touchings(tracks: Sequence[Track], intersection: Intersection) -> list[Inter
         columns.append(np.concatenate([getattr(track, name) for track in tracks])[order])
     for name in ("length", "width"):
         columns.append(np.array([getattr(track, name) for track in tracks], np.float32)[owner])
-    columns.append(np.full(len(step), np.inf, np.float32))
+    columns.append(np.full(len(step), np.inf, np.float32))  # top speeds
     present, begin = np.unique(step[order], return_index=True)
     touching: list[int] = []
+    too_close: list[int] = []
     for one, rows in zip(present, map(slice, begin, [*begin[1:], len(step)]), strict=True):
         ids = [tracks[index].id for index in owner[rows]]
+        position, speed, length, width, unbounded = (column[rows] for column in columns)
         try:
             with naming(ids):
-                traffic = _core.Traffic(intersection.core, route[rows], *(column[rows] for column in columns))
+                traffic = _core.Traffic(intersection.core, route[rows], position, speed, length, width, unbounded)
         except ValueError as error:
             raise ValueError(f"recording {ids[0].partition('/')[0]}, {one * DT:.1f} s: {error}") from None
         found = _core.closest(intersection.core, traffic)
+        wider = _core.Traffic(intersection.core, route[rows], position, speed, length, width + DRIFT, unbounded)
         if found is not None and found[0] < 0.0:
             touching.append(one)
+        elif _core.collision(intersection.core, wider) is not None:
+            too_close.append(one)
     margin = round(OVERTAKING_MARGIN / DT)
-    return [Interval("touching vehicles", b - margin, e + margin) for b, e in _runs(np.array(touching))]
+    found_at = {"touching vehicles": touching, "vehicles too close to brake": too_close}
+    return [Interval(reason, b - margin, e + margin) for reason, at in found_at.items() for b, e in _runs(np.array(at))]
 
 
 def together(tracks: Sequence[Track]) -> Iterator[tuple[Track, Track]]:

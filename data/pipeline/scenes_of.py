@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from data.pipeline.extrapolation import extrapolate
 from data.pipeline.filters import Interval, crossings, overtakings, touchings
+from data.pipeline.joining import join_standing
 from data.pipeline.projection import project
 from data.recording import Recording
 from intersection_env.constants import DT
@@ -30,10 +31,12 @@ def build_scenes(recording: Recording, split: str, intersection: Intersection) -
             no whole number of frames in 0.2 s.
     """
     check_location(recording.id, recording.location, intersection)
-    recording = recording.resampled(DT)
+    recording, joints = join_standing(recording.resampled(DT))
     projection = project(recording, intersection)
     reasons: defaultdict[str, float] = defaultdict(float)
     reasons.update({f"tracks: {reason}": count for reason, count in projection.dropped.items()})
+    if joints:
+        reasons["tracks: joined where they stood"] = joints
     steps = int(recording.frame.max(initial=-1)) + 1
     extrapolation: Counter[str] = Counter()
     tracks = extrapolate(projection.tracks, intersection, extrapolation)

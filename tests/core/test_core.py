@@ -13,6 +13,7 @@ from intersection_env.features import Driving
 from intersection_env.policies.file import PolicyFile
 from tests.conftest import MAP_NAMES
 from tests.reference import predictor as reference
+from tests.reference.collisions import collide
 from tests.support.core_and_twin import core_predictor, replayed, weights
 from tests.support.twins import CASES, random_assignment, random_case, random_networks, twin_map
 
@@ -166,3 +167,15 @@ def test_assigned_orders_are_obeyed_by_both_ends(name: str) -> None:
             assert not entered_early.any(), (name, seed, traffic.ids[first], traffic.ids[second])
             checked += 1
     assert checked > 100
+
+
+@pytest.mark.parametrize("name", MAP_NAMES)
+def test_core_finds_the_collision_that_its_twin_finds(name: str) -> None:
+    found = 0
+    for seed in range(60):
+        traffic, twin = random_case(name, 4000 + seed)
+        pairs = list(itertools.combinations(range(len(traffic)), 2))
+        expected = next((pair for pair in pairs if collide(twin_map(name), twin, *pair)), None)
+        assert _core.collision(traffic.intersection.core, traffic.core) == expected
+        found += expected is not None
+    assert 5 < found < 55

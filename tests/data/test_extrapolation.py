@@ -33,7 +33,7 @@ def test_extension_is_cut_where_it_would_overlap(tmp_path: Path, bendplatz: Inte
 def test_extension_stops_at_the_start_of_the_route(tmp_path: Path, bendplatz: Intersection) -> None:
     movers = [
         on_route(bendplatz, "NW-SE", 1, 0.0, steady(60.0, 5.0), 20.0),
-        on_route(bendplatz, "SW-NE", 2, 10.0, steady(40.0, 8.0), 8.0),
+        on_route(bendplatz, "SW-NE", 2, 10.0, steady(40.8, 8.0), 8.0),
     ]
     (scene,), dropped = scenes_of(tmp_path, bendplatz, movers)
     track = scene.track("07/2")

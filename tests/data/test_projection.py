@@ -53,7 +53,7 @@ def test_each_reason_for_dropping_a_track_is_counted(tmp_path: Path, bendplatz: 
     across = np.linspace([20.0, -30.0], [90.0, -30.0], 251)
     movers = [
         on_route(bendplatz, "NW-SE", 1, 0.0, steady(100.0, 8.0), 12.0),
-        Mover(2, "car", 0, np.tile([[30.0, 0.0]], (300, 1))),
+        Mover(2, "car", 0, np.tile([[80.0, -90.0]], (300, 1))),
         Mover(3, "car", 0, across),
         on_route(bendplatz, "SW-NE", 4, 0.0, turning_back, 8.0),
         on_route(bendplatz, "SW-NE", 5, 0.0, steady(50.0, 5.0), 4.0),

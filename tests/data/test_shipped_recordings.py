@@ -68,7 +68,7 @@ def test_reason_for_dropping_occurs(scenes: Scenes, reason: str) -> None:
 def test_little_is_lost(scenes: Scenes) -> None:
     vehicles = sum(one["tracks"] for one in scenes.provenance["recordings"]) - scenes.dropped["tracks: pedestrian"]
     lost = sum(count for reason, count in scenes.dropped.items() if reason.startswith("tracks: "))
-    assert lost - scenes.dropped["tracks: pedestrian"] < 0.03 * vehicles
+    assert lost - scenes.dropped["tracks: pedestrian"] < 0.035 * vehicles
     assert sum(scene.steps for scene in scenes) * 0.2 > 0.9 * recorded_seconds(scenes)
     assert "tracks: fits no route" not in scenes.dropped  # its drivers keep to our centrelines
 

@@ -103,6 +103,19 @@ def test_two_routes_of_one_exit_agree_on_the_shared_lane(intersection: Intersect
         assert np.abs(one - other).max() < 0.05
 
 
+def test_width_runs_evenly_from_point_to_point(tmp_path: Path) -> None:
+    source = json.loads((MAPS / "t_junction.json").read_text())
+    (x, y), end = source["lanes"]["W_in"]["points"]
+    source["lanes"]["W_in"] = {"width": [3.0, 5.0, 4.0], "points": [[x, y], [x + 100.0, y], end]}
+    (tmp_path / "wide.json").write_text(json.dumps(source))
+    route = Intersection.load(tmp_path / "wide.json").routes[0]
+    assert route.id == "W-E"
+    begin, leave = route.junction
+    position = np.arange(len(route.samples), dtype=np.float64)
+    expected = np.interp(position, [0.0, 100.0, begin, leave], [3.0, 5.0, 4.0, 3.25])
+    assert np.abs(route.samples[:, Sample.WIDTH] - expected).max() < 1e-4
+
+
 def test_unknown_name_lists_what_ships() -> None:
     with pytest.raises(ValueError, match=r'no map "nowhere" ships \(there are bendplatz, t_junction\)'):
         Intersection.load("nowhere")
@@ -171,6 +184,13 @@ def test_damage_anywhere_with_a_right_checksum_never_crashes() -> None:
         ({"arms": {"W": {"right_of_way": "yield", "speed_limit_kmh": -5}}}, "must be a positive number, not -5"),
         ({"lanes": {"W_in": {"width": 3, "points": [[0, 0]]}}}, "at least 2 points"),
         ({"lanes": {"W_in": {"width": 3, "points": [[0, 0], [0, 0]]}}}, "each apart from the one before"),
+        (
+            {"lanes": {"W_in": {"width": [3, 3, 3], "points": [[0, 0], [9, 0]]}}},
+            r'lane "W_in": "width" lists 3 numbers; wanted one, or one for each of 2 points',
+        ),
+        ({"lanes": {"W_in": {"width": [], "points": [[0, 0], [9, 0]]}}}, '"width" lists 0 numbers'),
+        ({"lanes": {"W_in": {"width": [3, -1], "points": [[0, 0], [9, 0]]}}}, "must be a positive number, not -1"),
+        ({"lanes": {"W_in": {"width": [3, [3]], "points": [[0, 0], [9, 0]]}}}, r"must be a positive number, not \[3\]"),
         ({"routes": {}}, '"routes" is empty'),
         ({"routes": {"W-X": {"approach": ["W_in"], "exit": ["E_out"]}}}, "must be named by two arms"),
         ({"routes": {"W-E": {"approach": ["gone"], "exit": ["E_out"]}}}, "must be a list of lanes"),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -26,6 +26,8 @@ class Mover:
     centre: Floats
     length: float = 4.5
     width: float = 1.8
+    heading: float | None = None
+    """[rad]; by default the way that it moves."""
 
 
 def on_route(
@@ -52,6 +54,23 @@ def on_route(
 def steady(position: float, speed: float) -> Callable[[Floats], Floats]:
     """Arc length over time at constant speed."""
     return lambda time: position + speed * time
+
+
+def standing(
+    intersection: Intersection,
+    route: str,
+    track: int,
+    position: float,
+    begin: float,
+    seconds: float,
+    aside: float = 0.0,
+    turned: float = 0.0,
+) -> Mover:
+    """A car that stands at an arc length, `aside` metres to the left and `turned` radians off the lane's heading."""
+    spot = on_route(intersection, route, track, begin, steady(position, 0.0), seconds, aside=aside)
+    index = intersection.route_index(route)
+    heading = float(intersection.sample(index, np.array([position], np.float32))[0, Sample.HEADING])
+    return replace(spot, heading=heading + turned)
 
 
 def walking(track: int, begin: float, start: Sequence[float], end: Sequence[float], seconds: float) -> Mover:
@@ -102,6 +121,8 @@ def _rows(recording: int, mover: Mover) -> pd.DataFrame:
     acceleration = np.gradient(velocity, 1.0 / FRAME_RATE, axis=0)
     count = len(centre)
     heading = np.degrees(np.arctan2(velocity[:, 1], velocity[:, 0])) % 360.0
+    if mover.heading is not None:
+        heading = np.full(count, np.degrees(mover.heading) % 360.0)
     zero = np.zeros(count)
     return pd.DataFrame(
         {

@@ -130,4 +130,16 @@ std::optional<Closest> closest(const Map& map, const Traffic& traffic) {
     return result;
 }
 
+std::optional<std::pair<int, int>> collision(const Map& map, const Traffic& traffic) {
+    const auto braking = [&](int i) { return traffic.speed[at(i)] * traffic.speed[at(i)] * (0.5F / BRAKING); };
+    for (int i = 0; i < traffic.count(); ++i) {
+        for (int j = i + 1; j < traffic.count(); ++j) {
+            if (collide(map, body(traffic, i), body(traffic, j), braking(i), braking(j))) {
+                return std::make_pair(i, j);
+            }
+        }
+    }
+    return std::nullopt;
+}
+
 } // namespace intersection_env

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include <nanobind/stl/optional.h>
+#include <nanobind/stl/pair.h>
 #include <nanobind/stl/shared_ptr.h>
 #include <nanobind/stl/string.h>
 #include <nanobind/stl/tuple.h>
@@ -131,6 +132,8 @@ void bind_model(nb::module_& m) {
             return found ? std::optional(std::make_tuple(found->distance, found->a, found->b)) : std::nullopt;
         },
         "map"_a, "traffic"_a, "The smallest distance between two vehicles [m] and their indices, or None.");
+    m.def("collision", &collision, "map"_a, "traffic"_a,
+          "The first two vehicles that collide, now or once both have braked fully, or None.");
 }
 
 } // namespace intersection_env::python

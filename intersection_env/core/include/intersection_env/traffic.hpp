@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <optional>
 #include <span>
+#include <utility>
 #include <vector>
 
 #include "intersection_env/map.hpp"
@@ -55,5 +56,8 @@ struct Closest {
     int a, b;
 };
 std::optional<Closest> closest(const Map& map, const Traffic& traffic);
+
+// The first two vehicles that collide as the worlds understand it: now, or once both have braked fully.
+std::optional<std::pair<int, int>> collision(const Map& map, const Traffic& traffic);
 
 } // namespace intersection_env

@@ -1,0 +1,1 @@
+"""Moves a map's lanes to where recorded cars drive."""

@@ -1,0 +1,92 @@
+"""Moves the lanes of a map source step by step to where recorded cars drive."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from data.align.drives import Drive, find_drives
+from data.align.shift import LaneShift, lane_shifts, shifted
+from data.recording import Recording
+from intersection_env.maps.compiler import compile_map
+from intersection_env.maps.intersection import Intersection
+from intersection_env.maps.source import MapSource
+
+ROUNDS = 2  # ours: on lanes that were moved once more cars are found, and all of them nearer
+SHARES = (1.0, 0.5, 0.25, 0.0)  # ours: of a shift, tried in turn until the map compiles
+LEAST_CARS = 5  # ours: fewer say how they drove, not where the lane is
+
+
+@dataclass(frozen=True)
+class Alignment:
+    """A map before and after.
+
+    drives: the cars on the map before, and on the map after. shifts: of each round, by lane, as they were
+    applied. limited: what was applied in part or not at all, and why.
+    """
+
+    source: MapSource
+    before: Intersection
+    after: Intersection
+    drives: tuple[list[Drive], list[Drive]]
+    shifts: tuple[dict[str, LaneShift], ...]
+    limited: tuple[str, ...]
+
+
+def align(
+    source: MapSource, before: Intersection, recordings: Sequence[Recording], least_cars: int = LEAST_CARS
+) -> Alignment:
+    """The source with its lanes where the recordings' cars and trucks drive; `before` is what it compiles to.
+
+    Raises:
+        ValueError: no car fits one of its routes.
+    """
+    after = before
+    first = drives = find_drives(recordings, before)
+    if not drives:
+        raise ValueError(f'no car of the recordings drives on a route of map "{source.name}"')
+    applied: list[dict[str, LaneShift]] = []
+    limited: list[str] = []
+    for number in range(1, ROUNDS + 1):
+        shifts = lane_shifts(source, after, drives, least_cars)
+        source, after, shifts, words = _moved_as_far_as_possible(source, after, shifts)
+        drives = find_drives(recordings, after)
+        applied.append(shifts)
+        limited += [f"round {number}: {word}" for word in words]
+    return Alignment(source, before, after, (first, drives), tuple(applied), tuple(limited))
+
+
+def compiled(source: MapSource) -> Intersection:
+    """The map of a source.
+
+    Raises:
+        ValueError: the source contradicts itself.
+    """
+    return Intersection(compile_map(source), source.name)
+
+
+def _moved_as_far_as_possible(
+    source: MapSource, intersection: Intersection, shifts: dict[str, LaneShift]
+) -> tuple[MapSource, Intersection, dict[str, LaneShift], list[str]]:
+    """All lanes moved, or one after the other, the most driven first, each as far as the map still compiles."""
+    moved = shifted(source, shifts)
+    try:
+        return moved, compiled(moved), shifts, []
+    except ValueError:
+        pass
+    applied: dict[str, LaneShift] = {}
+    words: list[str] = []
+    for name, shift in sorted(shifts.items(), key=lambda item: -item[1].cars):
+        why = ""
+        for share in SHARES:
+            applied[name] = shift.times(share)
+            tried = shifted(source, {name: applied[name]})
+            try:
+                intersection, source = compiled(tried), tried
+            except ValueError as error:
+                why = why or str(error)
+                continue
+            break
+        if why:
+            words.append(f'lane "{name}" moves by {100 * share:g} % of its shift only, else {why}')
+    return source, intersection, applied, words

@@ -1,0 +1,129 @@
+"""How far each lane has to move aside, and the map source with its lanes moved."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from data.align.drives import Drive
+from intersection_env.maps.curve import Points, along
+from intersection_env.maps.intersection import Intersection
+from intersection_env.maps.source import Lane, MapSource
+
+STATION = 5.0  # [m], ours: between the places along a lane at which its shift is estimated
+SMOOTH = 10.0  # [m], ours: over about this length a shift may change, and beyond the tracks it stays what it was
+MOST_SHIFT = 4.0  # [m], ours: more than a lane is a mistake in the map, or tracks of another place
+CONSTANT = 0.1  # [m], ours: a shift that varies by less along its lane is taken as one for all of it
+EXACT = 0.02  # [m], ours: points of a lane that deviate less are left out
+
+
+@dataclass(frozen=True)
+class LaneShift:
+    """A lane's way to the left.
+
+    cars: how many drove on it. station: (station,) arc lengths along the lane [m]; left: (station,) [m].
+    """
+
+    cars: int
+    station: NDArray[np.float64]
+    left: NDArray[np.float64]
+
+    def times(self, share: float) -> LaneShift:
+        """A part of the shift."""
+        return replace(self, left=share * self.left)
+
+
+def lane_shifts(
+    source: MapSource, intersection: Intersection, drives: Sequence[Drive], least_cars: int
+) -> dict[str, LaneShift]:
+    """The shifts of the lanes on which at least so many cars drove.
+
+    At each station it is the median over the cars of how far left they drive there, smoothed along the lane;
+    where no car was seen it is what it is at the nearest place where some were.
+    """
+    seen: dict[str, list[tuple[NDArray[np.float64], NDArray[np.float64]]]] = defaultdict(list)
+    by_id = {route.id: route for route in source.routes}
+    for drive in drives:
+        begin = 0.0
+        for piece in source.pieces(by_id[intersection.routes[drive.route].id]):
+            length = along(piece.points)[-1]
+            on_lane = (drive.position >= begin) & (drive.position <= begin + length)
+            if piece.lane is not None and on_lane.any():
+                seen[piece.lane].append((drive.position[on_lane] - begin, drive.left[on_lane]))
+            begin += length
+    shifts: dict[str, LaneShift] = {}
+    for name, cars in seen.items():
+        if len(cars) >= least_cars:
+            shifts[name] = _smoothed(along(source.lanes[name].points)[-1], cars)
+    return shifts
+
+
+def shifted(source: MapSource, shifts: Mapping[str, LaneShift]) -> MapSource:
+    """The source with these lanes moved to the left, points added where a shift varies."""
+    lanes = {name: _moved(lane, shifts[name]) if name in shifts else lane for name, lane in source.lanes.items()}
+    return replace(source, lanes=lanes)
+
+
+def _smoothed(length: float, cars: Sequence[tuple[NDArray[np.float64], NDArray[np.float64]]]) -> LaneShift:
+    station = np.linspace(0.0, length, max(2, round(length / STATION) + 1))
+    width = station[1] - station[0]
+    each = np.full((len(cars), len(station)), np.nan)
+    for car, (position, left) in enumerate(cars):
+        nearest = np.rint(position / width).astype(np.int64)
+        for one in np.unique(nearest):
+            each[car, one] = np.median(left[nearest == one])
+    count = np.isfinite(each).sum(axis=0)
+    median = np.array(
+        [np.median(column[np.isfinite(column)]) if n else 0.0 for n, column in zip(count, each.T, strict=True)]
+    )
+    # Least squares of (left - median), as many times as cars were seen, and of SMOOTH times its slope.
+    slope = np.diff(np.eye(len(station)), axis=0) / width
+    weight = count / count.max()
+    matrix = np.diag(weight) + SMOOTH**2 * slope.T @ slope
+    return LaneShift(len(cars), station, np.clip(np.linalg.solve(matrix, weight * median), -MOST_SHIFT, MOST_SHIFT))
+
+
+def _moved(lane: Lane, shift: LaneShift) -> Lane:
+    way = along(lane.points)
+    varies = float(np.ptp(shift.left)) > CONSTANT
+    place = np.union1d(way, shift.station[1:-1]) if varies else way
+    place = place[np.concatenate([[True], np.diff(place) > 0.1])]
+    place[-1] = way[-1]
+    points = np.stack([np.interp(place, way, lane.points[:, axis]) for axis in (0, 1)], axis=1)
+    left = np.interp(place, shift.station, shift.left) if varies else np.full(len(place), np.median(shift.left))
+    points = points + left[:, None] * _normals(points)
+    kept = _telling(points, np.interp(place, way, lane.width))
+    return Lane(points[kept], np.interp(place, way, lane.width)[kept])
+
+
+def _normals(points: Points) -> Points:
+    """(point, 2): to the left, so long that both lines which meet in a point move by 1."""
+    step = np.diff(points, axis=0)
+    step /= np.linalg.norm(step, axis=1)[:, None]
+    left = np.stack([-step[:, 1], step[:, 0]], axis=1)
+    before, after = np.concatenate([left[:1], left]), np.concatenate([left, left[-1:]])
+    between = before + after
+    return np.asarray(2.0 * between / (between**2).sum(axis=1)[:, None])
+
+
+def _telling(points: Points, width: NDArray[np.float64]) -> NDArray[np.int64]:
+    """Indices of the points without which the lane or its width would be another (Douglas and Peucker)."""
+    spread = np.concatenate([points, width[:, None]], axis=1)
+    kept, open_ = {0, len(points) - 1}, [(0, len(points) - 1)]
+    while open_:
+        begin, end = open_.pop()
+        if end - begin < 2:
+            continue
+        chord = spread[end] - spread[begin]
+        inner = spread[begin + 1 : end] - spread[begin]
+        off = inner - np.outer(inner @ chord / (chord @ chord), chord)
+        away = np.linalg.norm(off, axis=1)
+        if away.max() > EXACT:
+            middle = begin + 1 + int(away.argmax())
+            kept.add(middle)
+            open_ += [(begin, middle), (middle, end)]
+    return np.array(sorted(kept))

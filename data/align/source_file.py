@@ -1,0 +1,44 @@
+"""Writes a map source whose lanes were moved; everything else in the file stays as its author wrote it."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from intersection_env.files import written_whole
+from intersection_env.maps.source import Lane, MapSource
+
+
+def write_source(original: Path, source: MapSource, path: Path) -> None:
+    """The file `original` with the lanes of `source`, to the centimetre, at `path`.
+
+    Raises:
+        OSError: a file cannot be read or written.
+    """
+    content = json.loads(original.read_text(encoding="utf-8"))
+    content["lanes"] = {name: _lane(lane) for name, lane in source.lanes.items()}
+    with written_whole(path) as temporary:
+        temporary.write_text(_text(content), encoding="utf-8")
+
+
+def _lane(lane: Lane) -> dict[str, Any]:
+    points = (np.round(lane.points, 2) + 0.0).tolist()
+    width = np.round(lane.width, 2).tolist()
+    return {"width": width[0] if len(set(width)) == 1 else width, "points": points}
+
+
+def _text(content: dict[str, Any]) -> str:
+    """JSON with one line for each arm, lane, stop line and route."""
+    parts = []
+    for key, value in content.items():
+        if isinstance(value, dict) and value:
+            inner = ",\n".join(
+                f"    {json.dumps(name)}: {json.dumps(one, ensure_ascii=False)}" for name, one in value.items()
+            )
+            parts.append(f"  {json.dumps(key)}: {{\n{inner}\n  }}")
+        else:
+            parts.append(f"  {json.dumps(key)}: {json.dumps(value, ensure_ascii=False)}")
+    return "{\n" + ",\n".join(parts) + "\n}\n"

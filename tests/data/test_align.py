@@ -1,0 +1,196 @@
+"""Lanes that were drawn beside the traffic are moved to where the cars drive."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from data.align.__main__ import main
+from data.align.align import align, compiled
+from data.align.drives import Drive, find_drives
+from data.align.shift import LaneShift, lane_shifts, shifted
+from data.align.source_file import write_source
+from data.formats.ind import read_recording
+from data.recording import Recording
+from intersection_env.maps.curve import along
+from intersection_env.maps.intersection import MAPS, Intersection
+from intersection_env.maps.source import Lane, MapSource
+from tests.support.recordings import Floats, Mover, on_route, steady, write_recording
+
+TRUE = MAPS / "t_junction.json"
+LOCATION = 902
+CARS = 6  # on each route
+ROUTES = ("W-E", "W-S", "E-W", "E-S", "S-W")
+
+
+def shift(lane: str, begin: float, end: float) -> LaneShift:
+    station = along(MapSource.read(TRUE).lanes[lane].points)[[0, -1]]
+    return LaneShift(0, station, np.array([begin, end]))
+
+
+def traffic(
+    folder: Path, intersection: Intersection, cars: int = CARS, aside: float = 0.0, routes: Sequence[str] = ROUTES
+) -> None:
+    """Cars on these routes, from 30 m behind the begin of the map to 30 m before its end, spread by half a metre."""
+    movers: list[Mover] = []
+    for number, route in enumerate(one for one in intersection.routes if one.id in routes):
+        seconds = (route.length - 60.0) / 10.0
+        for car in range(cars):
+            place = aside + 0.1 * (car - 0.5 * (cars - 1))
+            movers.append(
+                on_route(
+                    intersection, route.id, len(movers), 6.0 * car + number, steady(30.0, 10.0), seconds, aside=place
+                )
+            )
+    write_recording(folder, "07", movers, location=LOCATION)
+
+
+def aside(drives: list[Drive], route: int) -> float:
+    return float(np.median(np.abs(np.concatenate([drive.left for drive in drives if drive.route == route]))))
+
+
+@pytest.fixture(scope="module")
+def true_map() -> Intersection:
+    return Intersection.load("t_junction")
+
+
+@pytest.fixture(scope="module")
+def recording(true_map: Intersection, tmp_path_factory: pytest.TempPathFactory) -> Recording:
+    folder = tmp_path_factory.mktemp("recordings")
+    traffic(folder, true_map)
+    return read_recording(folder, "07")
+
+
+def test_displaced_lanes_find_back_to_the_cars(recording: Recording, true_map: Intersection) -> None:
+    wrong = {
+        "W_in": shift("W_in", -1.0, -1.0),
+        "E_in": shift("E_in", -0.8, -0.8),
+        "E_out": shift("E_out", -0.4, -1.4),
+        "W_out": shift("W_out", 1.2, 0.2),
+    }
+    true = MapSource.read(TRUE)
+    source = shifted(true, wrong)
+    alignment = align(source, compiled(source), [recording])
+    assert not alignment.limited
+    for name in ("W-E", "E-W"):
+        route = true_map.route_index(name)
+        assert aside(alignment.drives[0], route) > 0.6
+        assert aside(alignment.drives[1], route) < 0.2
+    for name in wrong:
+        way = along(true.lanes[name].points)[-1] * np.linspace(0.3, 0.9, 7)
+        if name in ("W_out", "E_out"):
+            way = way[::-1] - 0.2 * way[-1]  # the tracks begin and end 30 m from the edge
+        points = alignment.source.lanes[name].points
+        order = np.argsort(points[:, 0])
+        north = np.interp(_east(true, name, way), *points[order].T)
+        assert np.abs(north - true.lanes[name].points[0, 1]).max() < 0.3, name
+
+
+def _east(source: MapSource, lane: str, way: Floats) -> Floats:
+    points = source.lanes[lane].points
+    return np.asarray(np.interp(way, along(points), points[:, 0]))
+
+
+def test_lanes_with_few_cars_and_all_else_stay(tmp_path: Path, true_map: Intersection) -> None:
+    traffic(tmp_path, true_map, cars=2, aside=0.3)
+    drives = find_drives([read_recording(tmp_path, "07")], true_map)
+    source = MapSource.read(TRUE)
+    # 2 cars on each of the routes there: S_in by S-W alone, W_in by W-E and W-S.
+    assert set(lane_shifts(source, true_map, drives, 3)) == {"W_in", "E_in", "W_out", "S_out", "S_out_outer"}
+    alignment = align(source, true_map, [read_recording(tmp_path, "07")], least_cars=3)
+    for name in ("S_in", "S_in_outer", "E_out"):
+        assert np.array_equal(alignment.source.lanes[name].points, source.lanes[name].points)
+    assert alignment.source.stop_lines is source.stop_lines
+    assert alignment.source.routes is source.routes
+
+
+def test_shift_is_constant_beyond_the_tracks_and_smooth_between() -> None:
+    source = MapSource.read(TRUE)
+    intersection = Intersection.load("t_junction")
+    seen = np.arange(60.0, 140.0)
+    left = np.where(seen < 100.0, 0.5, 1.5)
+    drives = [Drive(intersection.route_index("W-E"), seen, left, np.zeros((len(seen), 2)))] * 5
+    found = lane_shifts(source, intersection, drives, 5)["W_in"]
+    assert found.cars == 5
+    assert found.left[found.station < 60.0] == pytest.approx(found.left[0], abs=0.02)
+    assert found.left[0] == pytest.approx(0.5, abs=0.1)
+    assert found.left[-1] == pytest.approx(1.5, abs=0.1)
+    assert (np.diff(found.left) > -1e-6).all()
+    assert np.diff(found.left).max() < 0.4
+
+
+def test_one_car_off_the_way_does_not_move_a_lane() -> None:
+    source = MapSource.read(TRUE)
+    intersection = Intersection.load("t_junction")
+    seen = np.arange(20.0, 140.0)
+    route = intersection.route_index("W-E")
+    drives = [Drive(route, seen, np.full(len(seen), left), np.zeros((len(seen), 2))) for left in (0, 0, 0.1, 0.1, 2.9)]
+    found = lane_shifts(source, intersection, drives, 5)["W_in"]
+    assert found.left == pytest.approx(0.1, abs=1e-6)
+
+
+def test_constant_shift_adds_no_points_and_a_bend_keeps_its_shape() -> None:
+    lane = Lane(np.array([[0.0, 0.0], [10.0, 0.0], [10.0, 10.0]]), np.array([3.0, 3.5, 3.0]))
+    source = replace(MapSource.read(TRUE), lanes={"bent": lane})
+    by_one = LaneShift(5, np.array([0.0, 20.0]), np.array([1.0, 1.0]))
+    moved = shifted(source, {"bent": by_one}).lanes["bent"]
+    assert moved.points == pytest.approx(np.array([[0.0, 1.0], [9.0, 1.0], [9.0, 10.0]]))
+    assert moved.width.tolist() == [3.0, 3.5, 3.0]
+
+
+def test_shift_that_does_not_compile_is_limited_and_said(tmp_path: Path, true_map: Intersection) -> None:
+    """Cars drive so far left that E_in would come to lie on W_out, whose routes would conflict before their lines."""
+    traffic(tmp_path, true_map, aside=1.6, routes=["E-W"])
+    alignment = align(MapSource.read(TRUE), true_map, [read_recording(tmp_path, "07")])
+    assert alignment.limited
+    assert all("of its shift only, else" in word for word in alignment.limited)
+    assert compiled(alignment.source).checksum == alignment.after.checksum
+
+
+def test_command_writes_map_picture_and_table(
+    tmp_path: Path, true_map: Intersection, capsys: pytest.CaptureFixture[str]
+) -> None:
+    traffic(tmp_path / "in", true_map)
+    moved = shifted(MapSource.read(TRUE), {"W_in": shift("W_in", -1.0, -1.0)})
+    write_source(TRUE, moved, tmp_path / "wrong.json")
+    out = tmp_path / "deep" / "right.json"
+    assert main([str(tmp_path / "wrong.json"), str(tmp_path / "in"), "--out", str(out)]) == 0
+    printed = capsys.readouterr().out
+    assert "S_in_outer" in printed
+    row = next(line for line in printed.splitlines() if line.startswith("W-E")).split()
+    assert row[1] == row[5] == str(CARS)
+    assert float(row[3]) > 0.4
+    assert float(row[7]) < 0.25
+    assert {path.name for path in out.parent.iterdir()} == {"right.json", "right.png"}
+    before, after = (json.loads(path.read_text()) for path in (TRUE, out))
+    assert {**after, "lanes": 0} == {**before, "lanes": 0}
+    assert compiled(MapSource.read(out)).locations == (LOCATION,)
+
+
+@pytest.mark.parametrize(
+    ("map", "out", "words"),
+    [
+        ("t_junction", "out.map", "--out must end in .json"),
+        ("nowhere", "out.json", 'no map "nowhere" ships'),
+        ("bendplatz", "out.json", "location 902"),
+    ],
+)
+def test_bad_arguments_are_named(
+    tmp_path: Path, true_map: Intersection, capsys: pytest.CaptureFixture[str], map: str, out: str, words: str
+) -> None:
+    traffic(tmp_path / "in", true_map, cars=1)
+    assert main([map, str(tmp_path / "in"), "--out", str(tmp_path / out)]) == 1
+    assert words in capsys.readouterr().err
+    assert not (tmp_path / out).exists()
+
+
+def test_recordings_without_a_car_on_the_map_are_refused(tmp_path: Path, true_map: Intersection) -> None:
+    bicycle = on_route(true_map, "W-E", 1, 0.0, steady(50.0, 5.0), 10.0, "bicycle")
+    write_recording(tmp_path, "07", [bicycle], location=LOCATION)
+    with pytest.raises(ValueError, match='no car of the recordings drives on a route of map "t_junction"'):
+        align(MapSource.read(TRUE), true_map, [read_recording(tmp_path, "07")])
