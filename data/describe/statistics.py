@@ -1,6 +1,7 @@
 """What the scenes hold, as figures that a person can compare with real traffic.
 
-python -m data.describe.statistics out/scenes.npz
+python -m data.describe.statistics bendplatz t_junction
+python -m data.describe.statistics mine.npz --map mine.json
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from data.describe.gaps import LONGEST_GAP, critical_gap, offered_gaps, open_pai
 from data.pipeline.filters import together, touchings
 from data.pipeline.shared_lanes import overlap_length, pair_gap
 from intersection_env.constants import DT
-from intersection_env.maps.intersection import Intersection
+from intersection_env.scenes.places import load_places
 from intersection_env.scenes.scenes import Scenes
 
 STANDING = 0.5  # [m/s], ours: slower is standing
@@ -141,18 +142,20 @@ def _closeness(scenes: Scenes) -> tuple[float, int]:
 def main(arguments: Sequence[str] | None = None) -> int:
     """Prints the figures of a scenes file and returns the exit status."""
     parser = argparse.ArgumentParser(prog="python -m data.describe.statistics", description="Figures of a scenes file.")
-    parser.add_argument("scenes", help="a scenes file, or the name of one that ships")
-    parser.add_argument("--map", help="the map of scenes that were built on a map of one's own")
+    parser.add_argument("scenes", nargs="+", help="scenes that ship (names), or scenes files")
+    parser.add_argument("--map", nargs="+", default=(), help="the maps (files) of scenes on maps that do not ship")
     options = parser.parse_args(arguments)
     try:
-        intersection = Intersection.load(options.map) if options.map else None
-        scenes = Scenes.load(options.scenes, intersection)
-        if not len(scenes):
-            raise ValueError(f"{options.scenes}: holds no scene")
+        places = load_places(options.scenes, options.map)
+        for name, scenes in zip(options.scenes, places, strict=True):
+            if not len(scenes):
+                raise ValueError(f"{name}: holds no scene")
     except (OSError, ValueError) as error:
         print(f"error: {error}", file=sys.stderr)
         return 1
-    print(describe(statistics(scenes)))
+    for name, scenes in zip(options.scenes, places, strict=True):
+        title = f"{name}, map {scenes.intersection.name}"
+        print(f"{title}\n{'-' * len(title)}\n{describe(statistics(scenes))}\n")
     return 0
 
 

@@ -21,10 +21,11 @@ from experiments.show.horizon import QUANTITIES, errors_text, plot_errors
 from intersection_env.constants import DT, STEPS
 from intersection_env.evaluation.errors import POPULATIONS, Errors, Forecaster, error_figures, errors
 from intersection_env.evaluation.intervals import interval
-from intersection_env.evaluation.moments import Moment, moments_of
+from intersection_env.evaluation.moments import Moment
+from intersection_env.evaluation.places import moments_in
 from intersection_env.plots.files import write_figure
 from intersection_env.prediction.predictor import Predictor
-from intersection_env.scenes.scenes import Scenes
+from intersection_env.scenes.places import PAPERS_SCENES, load_places
 
 Floats = NDArray[np.float64]
 
@@ -42,8 +43,10 @@ FIGURES: dict[str, Callable[[Floats], float]] = {
 class Options:
     """Errors of distance and time loss over the horizon."""
 
-    scenes: Path = Path("out/scenes.npz")
-    """The scenes file; `python -m data.build` makes it."""
+    scenes: tuple[Path, ...] = PAPERS_SCENES
+    """Scenes that ship (names), or scenes files, which `python -m data.build` makes; of one place or several."""
+    map: tuple[str, ...] = ()
+    """The maps (files) of scenes on maps that do not ship."""
     policies: tuple[str, ...] = ("gail", "ppo", "gap", "idm_calibrated", "constant_velocity")
     """Names of shipped policies or rules, or policy files."""
     split: Literal["development", "validation"] = "development"
@@ -131,7 +134,7 @@ def measured(forecasters: Sequence[Forecaster], moments: Sequence[Moment]) -> di
 def main(options: Options) -> int:
     """Measures as told, prints the table, writes the results; returns the exit status."""
     try:
-        moments, refused = moments_of(Scenes.load(options.scenes).select(options.split))
+        moments, refused = moments_in(load_places(options.scenes, options.map), options.split)
         results = measured([Predictor.load(policy) for policy in options.policies], moments)
         print(errors_text(results))
         if options.figure:
