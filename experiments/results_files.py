@@ -13,7 +13,7 @@ RESULTS = (
     "gap_development", "gap_validation", "order_development", "order_validation", "horizon_development",
     "horizon_validation", "replay_development", "maneuvers_validation", "closed_loop", "runtime", "reproduced",
 )  # fmt: skip
-OPTIONAL = ("ablations",)
+OPTIONAL = ("ablations", "places")
 DIGITS = 6  # of floats
 
 
