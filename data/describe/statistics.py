@@ -84,28 +84,33 @@ def statistics(scenes: Scenes) -> Statistics:
     )
 
 
-def describe(figures: Statistics) -> str:
-    """The figures as text, one a line, with the bars they must reach."""
+def describe(figures: Statistics, with_bars: bool = True) -> str:
+    """The figures as text, one a line, with the bars that those of the recordings that ship must reach."""
     vehicles = ", ".join(f"{count} {road_user}" for road_user, count in figures.vehicles.items())
-    pairs = f"{figures.pairs_per_hour:.0f} an hour (bar: {LEAST_PAIRS:.0f} or more)"
+    least, usual, none = (
+        (f" (bar: {LEAST_PAIRS:.0f} or more)", f" (bar: {CRITICAL_GAP[0]:g} to {CRITICAL_GAP[1]:g} s)", " (bar: 0)")
+        if with_bars
+        else ("", "", "")
+    )
     critical, width = (f"{value:.1f} s" for value in figures.critical_gap) if figures.critical_gap else ("none",) * 2
     standing = "mean {:.1f} s, p90 {:.1f} s".format(*figures.standing) if figures.standing else "none"
     rows = {
         "traffic in scenes": f"{figures.hours:.2f} h",
         "vehicles": vehicles,
-        "unled yield/priority pairs": pairs,
+        "unled yield/priority pairs": f"{figures.pairs_per_hour:.0f} an hour{least}",
         "yielder goes first": f"{100.0 * figures.yielder_first:.0f} %",
         f"gaps of {LONGEST_GAP:g} s or less": f"{figures.gaps_per_hour:.0f} an hour offered to unled yielders",
         "gaps accepted": f"{100.0 * figures.gaps_accepted:.0f} %",
-        "critical gap": f"{critical} (bar: {CRITICAL_GAP[0]:g} to {CRITICAL_GAP[1]:g} s)",
+        "critical gap": f"{critical}{usual}",
         "its 10-90 % width": width,
         "side-road standing time": standing,
         "mean speed in view": f"{figures.mean_speed:.1f} m/s",
         "acceleration 1 %, 99 %": f"{figures.acceleration_p1:+.1f}, {figures.acceleration_p99:+.1f} m/s²",
         "smallest bumper gap": f"{figures.smallest_gap:.2f} m",
-        "overlapping vehicles": f"{figures.overlapping} (bar: 0)",
-        "all bars reached": "yes" if figures.meets_bars else "NO",
+        "overlapping vehicles": f"{figures.overlapping}{none}",
     }
+    if with_bars:
+        rows["all bars reached"] = "yes" if figures.meets_bars else "NO"
     return "\n".join(f"{name:<28} {text}" for name, text in rows.items())
 
 

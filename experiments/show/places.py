@@ -33,9 +33,18 @@ def place_table(rows: Rows) -> str:
 
 
 def population_table(rows: Rows, population: str) -> str:
-    """The errors of one population at each horizon, a row a model and horizon."""
-    chosen = [row for row in rows if row["population"] == population]
-    return _table(sorted(chosen, key=lambda row: float(row["horizon"])), ("horizon", "model"))
+    """The errors of one population over the horizon, a row a model, and how many samples there are."""
+    chosen = {(row["model"], row["horizon"]): row for row in rows if row["population"] == population}
+    horizons = sorted({horizon for _, horizon in chosen})
+    models = list(dict.fromkeys(model for model, _ in chosen))
+    cells = [
+        [model, *(f"{one['rmse']:.1f} / {one['mad']:.1f}, {one['time_loss_rmse']:.1f}" for one in of_model)]
+        for model in models
+        for of_model in [[chosen[model, horizon] for horizon in horizons]]
+    ]
+    counts = [f"{chosen[models[0], horizon]['count']:.0f}" for horizon in horizons]
+    heads = ["RMSE / MAD [m], time loss RMSE [s]", *(f"{horizon:g} s" for horizon in horizons)]
+    return markdown_table(heads, [*cells, ["samples", *counts]], RULE)
 
 
 def populations(rows: Rows) -> list[str]:
@@ -45,7 +54,7 @@ def populations(rows: Rows) -> list[str]:
 
 def _table(rows: Rows, keys: Sequence[str]) -> str:
     figures = [name for name in (rows[0] if rows else ()) if name not in KEYS]
-    heads = [*("horizon [s]" if key == "horizon" else key for key in keys), *(HEADS.get(one, one) for one in figures)]
+    heads = [*keys, *(HEADS.get(one, one) for one in figures)]
     cells = [[_cell(row[key]) for key in (*keys, *figures)] for row in rows]
     return markdown_table(heads, cells, RULE)
 
