@@ -21,7 +21,7 @@ Rows = Sequence[Mapping[str, Any]]
 
 
 def place_table(rows: Rows) -> str:
-    """The errors at the last horizon, a row a population and model.
+    """The errors at the last horizon, a row a model, by population if there are several.
 
     Args:
         rows: those of `evaluate`, of several models.
@@ -29,7 +29,7 @@ def place_table(rows: Rows) -> str:
     last = max((row["horizon"] for row in rows), default=0.0)
     chosen = [row for row in rows if row["horizon"] == last]
     ordered = [row for one in populations(rows) for row in chosen if row["population"] == one]
-    return _table(ordered, ("population", "model"))
+    return _table(ordered, ("population", "model") if len(populations(rows)) > 1 else ("model",))
 
 
 def population_table(rows: Rows, population: str) -> str:

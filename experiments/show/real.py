@@ -15,7 +15,6 @@ FEW_RECORDINGS = 5  # ours: of fewer, intervals over recordings are too narrow
 POPULATIONS = {
     "recorded": "recorded at the start and at the horizon: the headline",
     "extrapolated": "not in view yet at the start, so that their start was extrapolated from their own future",
-    "until_last_seen": "recorded at the start, at the horizon or where they were seen last before it",
 }
 KINDS = {
     "recordings": "recordings left out",
@@ -84,7 +83,8 @@ def _in_short(place: Json) -> Iterator[str]:
         lines.append(f"crossing orders right [%]: {', '.join(shown)}")
     if "missing" not in place["gaps"]["recorded"]:
         models = place["gaps"]["recorded"]["models"]
-        shown = (f"{name.replace('_', ' ')} {100.0 * one['accuracy']['value']:.0f}" for name, one in models.items())
+        ordered = sorted(models, key=lambda name: -models[name]["accuracy"]["value"])
+        shown = (f"{name.replace('_', ' ')} {100.0 * models[name]['accuracy']['value']:.0f}" for name in ordered)
         lines.append(f"gap decisions right [%]: {', '.join(shown)}")
     if lines:
         yield "In short, of vehicles recorded at the start, the best first:\n\n" + "\n".join(
@@ -124,9 +124,9 @@ def _errors(place: Json) -> Iterator[str]:
     yield "### Predictions"
     rows = place["errors"]
     yield (
-        f"From {place['moments']} moments, one a second, of all vehicles jointly; {place['refused']} more were left out "
-        "as vehicles overlap in them. Cars and trucks are scored: predicted minus recorded distance along the route, "
-        "and time lost likewise. MAD is the median of the absolute error."
+        f"From {place['moments']} moments, one a second, of all vehicles jointly; {place['refused']} more were left"
+        " out as vehicles overlap in them. Cars and trucks are scored: predicted minus recorded distance along the"
+        " route, and time lost likewise. MAD is the median of the absolute error."
     )
     if not rows:
         yield _cannot("predictions", {"missing": "no car or truck is recorded 2 s or more after a moment"})

@@ -86,7 +86,7 @@ def test_figure_has_a_line_a_model_for_both_figures() -> None:
 def test_no_moment_to_predict_from_is_an_error(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     scenes = Scenes.load("bendplatz")
     replace(scenes, scenes=()).save(tmp_path / "scenes.npz")
-    assert main(Options(tmp_path / "scenes.npz", ("idm",), out=tmp_path)) == 1
+    assert main(Options((tmp_path / "scenes.npz",), policies=("idm",), out=tmp_path)) == 1
     assert "no moments" in capsys.readouterr().err
-    assert main(Options(tmp_path / "scenes.npz", ("hero",), out=tmp_path)) == 1
+    assert main(Options((tmp_path / "scenes.npz",), policies=("hero",), out=tmp_path)) == 1
     assert 'no policy "hero"' in capsys.readouterr().err
