@@ -12,7 +12,7 @@ from tests.support.recordings import on_route, steady, write_recording
 
 LOCATION = 77
 FOES = {"before": 110.0, "after": 55.0}
-"""Where a foe at 8 m/s starts that reaches the junction before the yielder does, or after it [m]."""
+"""Where a foe at about 8 m/s starts that reaches the junction before the yielder does, or after it [m]."""
 
 
 def own_map(folder: Path, name: str = "mine") -> Path:
@@ -31,7 +31,7 @@ def own_recordings(folder: Path, map: Path, *ids: str) -> Path:
         foes = list(FOES.values())[number % 2 :]
         movers = [
             on_route(intersection, "S-W", 1, 0.0, steady(line - 30.0 - number, 4.0), 16.0),
-            *(on_route(intersection, "W-E", 2 + k, 0.0, steady(at, 8.0), 16.0) for k, at in enumerate(foes)),
+            *(on_route(intersection, "W-E", 2 + k, 0.0, steady(at, 8.0 + 0.02 * (number + k)), 16.0) for k, at in enumerate(foes)),
         ]
         write_recording(folder, id, movers, LOCATION)
     return folder

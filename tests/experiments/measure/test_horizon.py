@@ -64,7 +64,9 @@ def test_ratio_to_a_reference_is_paired() -> None:
 def test_main_measures_the_shipped_scenes(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     scenes = Scenes.load("bendplatz").select("development")
     replace(scenes, scenes=scenes.scenes[:2]).save(tmp_path / "scenes.npz")
-    options = Options(tmp_path / "scenes.npz", ("idm", "constant_velocity"), out=tmp_path, figure=tmp_path / "a.svg")
+    options = Options(
+        (tmp_path / "scenes.npz",), policies=("idm", "constant_velocity"), out=tmp_path, figure=tmp_path / "a.svg"
+    )
     assert main(options) == 0
     results = json.loads((tmp_path / "horizon_development.json").read_text())
     assert set(results["models"]) == {"idm", "constant_velocity"}

@@ -201,5 +201,5 @@ def test_results_of_the_split_asked_for_are_written_printed_and_drawn(
 
 
 def test_missing_scenes_are_refused(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(Options(scenes=Path("nowhere.npz"))) == 1
+    assert main(Options(scenes=(Path("nowhere.npz"),))) == 1
     assert "nowhere.npz" in capsys.readouterr().err
