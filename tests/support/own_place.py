@@ -30,8 +30,11 @@ def own_recordings(folder: Path, map: Path, *ids: str) -> Path:
         line = intersection.routes[intersection.route_index("S-W")].stop_line
         foes = list(FOES.values())[number % 2 :]
         movers = [
-            on_route(intersection, "S-W", 1, 0.0, steady(line - 30.0 - number, 4.0), 16.0),
-            *(on_route(intersection, "W-E", 2 + k, 0.0, steady(at, 8.0 + 0.02 * (number + k)), 16.0) for k, at in enumerate(foes)),
+            on_route(intersection, "S-W", 1, 0.0, steady(line - 30.0 - number, 4.0 + 0.03 * number), 16.0),
+            *(
+                on_route(intersection, "W-E", 2 + k, 0.0, steady(at, 8.0 + 0.02 * (number + k)), 16.0)
+                for k, at in enumerate(foes)
+            ),
         ]
         write_recording(folder, id, movers, LOCATION)
     return folder
