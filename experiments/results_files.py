@@ -14,7 +14,7 @@ RESULTS = (
     "horizon_validation", "replay_development", "maneuvers_validation", "closed_loop", "runtime", "default",
     "reproduced",
 )  # fmt: skip
-OPTIONAL = ("ablations",)
+OPTIONAL = ("ablations", "places")
 DIGITS = 6  # of floats
 
 

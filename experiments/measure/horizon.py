@@ -34,10 +34,11 @@ from intersection_env.evaluation.errors import (
     mean_speed,
 )
 from intersection_env.evaluation.intervals import interval
-from intersection_env.evaluation.moments import HORIZONS, Moment, moments_of
+from intersection_env.evaluation.moments import HORIZONS, Moment
+from intersection_env.evaluation.places import moments_in
 from intersection_env.plots.files import write_figure
 from intersection_env.prediction.predictor import Predictor
-from intersection_env.scenes.scenes import Scenes
+from intersection_env.scenes.places import PAPERS_SCENES, load_places
 
 Names = NDArray[np.str_]
 
@@ -57,8 +58,10 @@ RATIOS = ("rmse", "mad")
 class Options:
     """Errors of distance and time loss over the horizon."""
 
-    scenes: Path = Path("out/scenes.npz")
-    """The scenes file; `python -m data.build` makes it."""
+    scenes: tuple[Path, ...] = PAPERS_SCENES
+    """Scenes that ship (names), or scenes files, which `python -m data.build` makes; of one place or several."""
+    map: tuple[str, ...] = ()
+    """The maps (files) of scenes on maps that do not ship."""
     policies: tuple[str, ...] = ("gail", "ppo", "gap", "idm_calibrated", "constant_velocity")
     """Names of shipped policies or rules, or policy files."""
     split: Literal["development", "validation"] = "development"
@@ -181,7 +184,7 @@ def measured(forecasters: Sequence[Forecaster], moments: Sequence[Moment]) -> di
 def main(options: Options) -> int:
     """Measures as told, prints the table, writes the results; returns the exit status."""
     try:
-        moments, refused = moments_of(Scenes.load(options.scenes).select(options.split))
+        moments, refused = moments_in(load_places(options.scenes, options.map), options.split)
         results = measured([Predictor.load(policy) for policy in options.policies], moments)
         print(errors_text(results))
         if options.figure:

@@ -31,6 +31,7 @@ from experiments.show.crossing_order import order_table
 from experiments.show.gap import accuracy_table
 from experiments.show.horizon import plot_errors
 from experiments.show.maneuver_gain import gain_table, plot_gain
+from experiments.show.places import place_table
 from experiments.show.runtime import plot_runtimes, runtimes_text
 from experiments.show.validation_run import plot_accelerations
 from intersection_env.files import written_whole
@@ -84,6 +85,7 @@ def report(results: Json, about: Json, seconds: Mapping[str, float]) -> str:
         _introduction(about, seconds),
         report_table(("figure", "paper, on inD", "ours, with 95 % interval", "bar", "command"), rows),
         *_sections(results),
+        *_places(results.get("places")),
         *_ablations(results.get("ablations")),
         "## Time taken",
         report_table(("stage", "s"), [(name, f"{taken:.0f}") for name, taken in seconds.items()]),
@@ -147,6 +149,15 @@ def _sections(results: Json) -> Iterator[str]:
     yield "## Maneuvers\n\nWhat the best safe crossing order saves against no intervention, validation:"
     yield gain_table(results["maneuvers_validation"])
     yield "![Gain over the share of cooperative vehicles](figures/maneuvers.svg)"
+
+
+def _places(found: Json | None) -> Iterator[str]:
+    """Each place by itself, if `make reproduce` has learned from several."""
+    if found is None or len(found["validation"]) < 2:
+        return
+    yield "## Each place\n\nWhat is above is of the first. After 10 s, validation:"
+    for name, of_place in found["validation"].items():
+        yield f"**{name}**, {of_place['moments']} moments\n\n{place_table(of_place['rows'])}"
 
 
 def _ablations(found: Json | None) -> Iterator[str]:

@@ -62,8 +62,8 @@ def _gap(foes: Json) -> dict[str, Any]:
     lead = models["sumo"]["network_minus"]["accuracy"]
     return {
         "frame_accuracy": network["accuracy"]["value"],
-        "balanced_accuracy": network["balanced_accuracy"]["value"],
-        "pair_accuracy": network["pair_accuracy"]["value"],
+        "balanced_accuracy": _value(network["balanced_accuracy"]),
+        "pair_accuracy": _value(network["pair_accuracy"]),
         "base_rate": foes["base_rate"]["value"],
         "sumo_rule": models["sumo"]["accuracy"]["value"],
         "sumo_kinematic": models["sumo_kinematic"]["accuracy"]["value"],
@@ -74,6 +74,11 @@ def _gap(foes: Json) -> dict[str, Any]:
             "minus_sumo_rule": [lead["low"], lead["high"]],
         },
     }
+
+
+def _value(figure: Json | None) -> Any:
+    """None where there is nothing to measure: no yielder went first, say."""
+    return None if figure is None else figure["value"]
 
 
 def _order(models: Json) -> dict[str, float]:

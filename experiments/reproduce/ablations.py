@@ -82,7 +82,7 @@ class Ablations:
     def _trained_gaps(self) -> dict[str, Path]:
         """The run of each gap network, the one with nothing changed first."""
         runs = {name: self.workspace.run_of(f"ablation_gap_{place}") for place, name in enumerate(GAP)}
-        common = ["agents.gap", "default", "--scenes", str(self.workspace.scenes)]
+        common = ["agents.gap", "default", *self.workspace.arguments(self.workspace.places)]
         commands = {runs[name]: [*common, *changed] for name, changed in GAP.items()}
         self._train(commands, GAP_PROFILES["default"][1].epochs)
         return {DEFAULT_GAP: self.workspace.run_of("gap")} | runs
@@ -91,7 +91,7 @@ class Ablations:
         """The run of each driver, those with nothing changed first, with every seed."""
         runs = {name: self.workspace.run_of(f"ablation_gail_{place}") for place, name in enumerate(GAIL)}
         gap, (seed, *_) = str(self.workspace.policy("gap")), self.options.seeds
-        common = ["imitation.gail", "default", "--scenes", str(self.workspace.scenes)]
+        common = ["imitation.gail", "default", *self.workspace.arguments(self.workspace.places)]
         common += ["--decider", gap, "--seed", str(seed)]
         start = ["--ppo", str(self.workspace.run_of(f"ppo_{seed}"))]
         commands = {}
@@ -173,7 +173,7 @@ class Ablations:
 
     @cached_property
     def _scenes(self) -> Scenes:
-        return Scenes.load(self.workspace.scenes)
+        return self.workspace.scenes
 
     @cached_property
     def _moments(self) -> list[Moment]:

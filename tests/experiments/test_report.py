@@ -422,3 +422,18 @@ def test_results_that_are_missing_or_malformed_are_an_error(
     (out / "runtime.json").write_text("{", encoding="utf-8")
     assert report.main() == 1
     assert "runtime.json: not JSON" in capsys.readouterr().err
+
+
+def test_gap_figures_that_are_undefined_are_null_in_the_summary(results: Results) -> None:
+    results["gap_validation"]["foes"]["recorded"]["models"]["network"]["balanced_accuracy"] = None
+    assert summary(results, ABOUT, SECONDS)["gap"]["balanced_accuracy"] is None
+
+
+def test_each_place_has_a_table_where_there_are_several(results: Results) -> None:
+    row = {"model": "gail", "population": "recorded", "horizon": 10.0, "rmse": 7.25, "mad": 3.5, "count": 40}
+    ours = {"moments": 12, "rows": [row, row | {"population": "another", "horizon": 8.0}, row | {"bias": 1.0}]}
+    assert "Each place" not in report.report(results | {"places": {"validation": {"bendplatz": ours}}}, ABOUT, SECONDS)
+    both = {"validation": {"bendplatz": ours, "mine": ours | {"moments": 13}}}
+    text = report.report(results | {"places": both}, ABOUT, SECONDS)
+    assert "**mine**, 13 moments" in text
+    assert text.count("| recorded | gail | 7.25 | 3.50 | 40 |") == 4, "at the last horizon alone"

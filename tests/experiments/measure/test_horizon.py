@@ -91,7 +91,9 @@ def test_ratio_to_a_reference_is_paired() -> None:
 def test_main_measures_the_shipped_scenes(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     scenes = Scenes.load("bendplatz").select("development")
     replace(scenes, scenes=scenes.scenes[:2]).save(tmp_path / "scenes.npz")
-    options = Options(tmp_path / "scenes.npz", ("idm", "constant_velocity"), out=tmp_path, figure=tmp_path / "a.svg")
+    options = Options(
+        (tmp_path / "scenes.npz",), policies=("idm", "constant_velocity"), out=tmp_path, figure=tmp_path / "a.svg"
+    )
     assert main(options) == 0
     results = json.loads((tmp_path / "horizon_development.json").read_text())
     assert set(results["models"]) == {"idm", "constant_velocity"}
@@ -126,7 +128,7 @@ def test_figure_has_a_line_a_model_for_both_figures() -> None:
 def test_no_moment_to_predict_from_is_an_error(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     scenes = Scenes.load("bendplatz")
     replace(scenes, scenes=()).save(tmp_path / "scenes.npz")
-    assert main(Options(tmp_path / "scenes.npz", ("idm",), out=tmp_path)) == 1
+    assert main(Options((tmp_path / "scenes.npz",), policies=("idm",), out=tmp_path)) == 1
     assert "no moments" in capsys.readouterr().err
-    assert main(Options(tmp_path / "scenes.npz", ("hero",), out=tmp_path)) == 1
+    assert main(Options((tmp_path / "scenes.npz",), policies=("hero",), out=tmp_path)) == 1
     assert 'no policy "hero"' in capsys.readouterr().err

@@ -38,10 +38,9 @@ Trainings = dict[Path, list[str]]
 @pytest.fixture
 def workspace(tmp_path: Path) -> Workspace:
     """One in which the trainings are done: small scenes, the shipped policies."""
-    made = Workspace(Options(seeds=(5,), work=tmp_path / "work", out=tmp_path / "out"))
-    made.keys |= {"scenes": "some", "gail": "others"}
-    made.scenes.parent.mkdir(parents=True)
-    small_scenes("train", "development").save(made.scenes)
+    made = Workspace(Options(map=("bendplatz",), seeds=(5,), work=tmp_path / "work", out=tmp_path / "out"))
+    made.keys |= {"scenes_bendplatz": "some", "gail": "others"}
+    small_scenes("train", "development").save(made.scenes_of(made.places[0]))
     for name in ("gap", "idm_calibrated", "gail"):
         made.policy(name).parent.mkdir(parents=True, exist_ok=True)
         made.policy(name).write_text(Path(f"intersection_env/policies/{name}.policy").read_text())
