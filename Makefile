@@ -8,12 +8,15 @@ PIP := $(VENV)/bin/pip install --quiet --disable-pip-version-check -c constraint
 CORE := $(shell find intersection_env/core -type f)
 CXX_SOURCES := $(filter %.hpp %.cpp,$(CORE)) $(wildcard examples/*/*.cpp tests/hardening/*/*.hpp tests/hardening/*/*.cpp)
 RECORDINGS ?= data/recordings
+# Maps of one's own: their files (.json, .map), or names of maps that ship. Without, every one that ships and has recordings.
+MAP ?=
+MAPS := $(if $(MAP),--map $(MAP))
 SEEDS ?= 0 1 2
 
-.PHONY: demo setup check test harden bench reproduce ablations train gap maps recordings recorded statistics pages format clean
+.PHONY: demo setup check test harden bench reproduce ablations real train gap maps recordings recorded statistics pages format clean
 
 demo: $(VENV)/.package
-	$(RUN) -m experiments.demo --recordings $(RECORDINGS)
+	$(RUN) -m experiments.demo --recordings $(RECORDINGS) $(if $(MAP),--map $(firstword $(MAP)))
 
 setup: $(VENV)/.development
 
@@ -41,30 +44,36 @@ recordings: setup
 
 # The scenes that ship in the wheel, from the recordings that ship.
 recorded: $(VENV)/.package
-	$(RUN) -m data.build data/recordings --map bendplatz --out intersection_env/scenes/bendplatz.npz
+	$(RUN) -m data.build data/recordings --out intersection_env/scenes
 
 # Every table and figure of the paper: trains, measures, writes experiments/results/report.html. Goes on where it was
 # interrupted.
 reproduce: setup
-	$(RUN) -m experiments.reproduce --recordings $(RECORDINGS) --seeds $(SEEDS)
+	$(RUN) -m experiments.reproduce --recordings $(RECORDINGS) $(MAPS) --seeds $(SEEDS)
 
 # What each part is worth, on the development recordings; trains first what is not trained yet.
 ablations: setup
-	$(RUN) -m experiments.reproduce.ablations --recordings $(RECORDINGS) --seeds $(SEEDS)
+	$(RUN) -m experiments.reproduce.ablations --recordings $(RECORDINGS) $(MAPS) --seeds $(SEEDS)
+
+# All that ships, scored on somebody's recordings, on one page: out/real/real.html.
+real: setup
+	$(RUN) -m experiments.real --recordings $(RECORDINGS) $(MAPS)
 
 # The training half of `make reproduce`, whose policies then ship.
 train: setup
-	$(RUN) -m experiments.reproduce --recordings $(RECORDINGS) --seeds $(SEEDS) --only training --ship
+	$(RUN) -m experiments.reproduce --recordings $(RECORDINGS) $(MAPS) --seeds $(SEEDS) --only training --ship
 
 # The gap network alone.
 gap: setup
-	$(RUN) -m data.build $(RECORDINGS) --map bendplatz --out out/scenes.npz
-	$(RUN) -m agents.gap default --scenes out/scenes.npz --run runs/gap $(RESUME)
+	rm -rf out/scenes
+	$(RUN) -m data.build $(RECORDINGS) $(MAPS) --out out/scenes
+	$(RUN) -m agents.gap default --scenes out/scenes/*.npz $(MAPS) --run runs/gap $(RESUME)
 	cp runs/gap/gap.policy intersection_env/policies/gap.policy
 
 statistics: $(VENV)/.package
-	$(RUN) -m data.build $(RECORDINGS) --map bendplatz --out out/scenes.npz
-	$(RUN) -m data.describe.statistics out/scenes.npz
+	rm -rf out/scenes
+	$(RUN) -m data.build $(RECORDINGS) $(MAPS) --out out/scenes
+	$(RUN) -m data.describe.statistics out/scenes/*.npz $(MAPS)
 
 # Measures anew, and makes the pages of docs/ that are generated: results files and pictures first, then the pages.
 pages: demo reproduce bench

@@ -1,6 +1,7 @@
-"""Calibrates the IDM: the parameters by which it predicts the recorded vehicles best.
+"""Calibrates the IDM: the parameters by which it predicts the recorded vehicles best, those who drive off included.
 
-python -m agents.idm --scenes out/scenes.npz --out intersection_env/policies/idm_calibrated.policy
+python -m agents.idm --out out/idm_calibrated.policy                        on all places that ship
+python -m agents.idm --scenes mine.npz --map mine.json --out mine.policy    on one's own
 """
 
 from __future__ import annotations
@@ -19,12 +20,14 @@ from tqdm import tqdm
 
 from agents.training.command import Command
 from agents.training.folder import file_hash
-from intersection_env.evaluation.errors import distance_error
-from intersection_env.evaluation.moments import Moment, followed, moments_of
+from intersection_env.evaluation.errors import distance_error, figures_until_last_seen
+from intersection_env.evaluation.moments import Moment, followed
+from intersection_env.evaluation.places import moments_in
 from intersection_env.policies.file import IdmParameters, PolicyFile
 from intersection_env.policies.named import gap_decider
 from intersection_env.prediction.predictor import Predictor
-from intersection_env.scenes.scenes import Scenes
+from intersection_env.scenes.places import ALL_SCENES, load_places, map_names
+from intersection_env.scenes.scenes import scenes_path
 
 COMMAND = "python -m agents.idm"
 BOUNDS = {
@@ -72,19 +75,23 @@ def calibrate(moments: Sequence[Moment], gap: PolicyFile, rounds: int, progress:
 def main(arguments: Sequence[str] | None = None) -> int:
     """Calibrates on the training scenes and writes the policy file; returns the exit status."""
     parser = argparse.ArgumentParser(prog=COMMAND, description="Calibrates the IDM.")
-    parser.add_argument("--scenes", type=Path, default=Path("out/scenes.npz"), help="the scenes file")
+    parser.add_argument(
+        "--scenes", type=Path, nargs="+", default=ALL_SCENES, help="scenes that ship (names), or scenes files"
+    )
+    parser.add_argument("--map", nargs="+", default=(), help="the maps (files) of scenes on maps that do not ship")
     parser.add_argument("--gap", default="gap", help="who decides about gaps: a policy, critical_gap or sumo")
     parser.add_argument("--every", type=float, default=4.0, help="seconds between the moments predicted from")
     parser.add_argument("--rounds", type=int, default=ROUNDS, help="of the search")
     parser.add_argument("--out", type=Path, default=Path("out/idm_calibrated.policy"), help="the policy file to write")
     options = parser.parse_args(arguments)
     with Command(options.out) as command:
-        scenes, gap = Scenes.load(options.scenes), gap_decider(options.gap)
+        places, gap = load_places(options.scenes, options.map), gap_decider(options.gap)
         moments, held_out = (
-            followed(moments_of(scenes.select(split), options.every)[0]) for split in ("train", "development")
+            followed(moments_in(places, split, options.every)[0]) for split in ("train", "development")
         )
         if not moments or not held_out:
-            raise ValueError(f"{options.scenes}: no moment to predict from for training, or none for development")
+            names = ", ".join(map(str, options.scenes))
+            raise ValueError(f"{names}: no moment to predict from for training, or none for development")
         print(f"{len(moments)} moments to learn from, {len(held_out)} for development")
         parameters = calibrate(moments, gap, options.rounds)
         policy = dataclasses.replace(gap, driver="idm", idm=parameters)
@@ -95,12 +102,21 @@ def main(arguments: Sequence[str] | None = None) -> int:
             }
             for name, one in (("calibrated", policy), ("paper", dataclasses.replace(policy, idm=IdmParameters())))
         }
-        print(f"{parameters}\nroot of the mean squared error over 2 to 10 s [m]: {figures}")
+        print(f"{parameters}\nroot of the mean squared error over 2 to 10 s, when last seen until then [m]: {figures}")
+        until_last_seen = {
+            one.name: figures_until_last_seen(one, held_out)
+            for one in (Predictor(policy, "calibrated"), Predictor.load("constant_velocity"))
+        }
+        print(f"until last seen, development [m]: {until_last_seen}")
         about = {
             "made_by": COMMAND,
             "settings": {"every": options.every, "rounds": options.rounds, "gap": options.gap},
-            "data": {"map": scenes.intersection.name, "sha256": file_hash(options.scenes)},
+            "data": {
+                "maps": map_names(places),
+                "sha256": [file_hash(scenes_path(name)) for name in options.scenes],
+            },
             "distance_error": figures,
+            "until_last_seen": until_last_seen,
         }
         dataclasses.replace(policy, about=about).save(command.output)
     return command.status

@@ -1,6 +1,7 @@
 """Trains the driver by PPO: every vehicle of the closed loop acts, with policy and value networks shared.
 
 python -m agents.ppo fast --run runs/ppo
+python -m agents.ppo fast --map mine.json --run runs/mine
 python -m agents.ppo paper --run runs/ppo_paper
 """
 
@@ -22,14 +23,17 @@ from agents.networks.export import driving_policy, gap_hash
 from agents.rollouts.envs import ClosedLoopEnv
 from agents.rollouts.policy_update import PolicyUpdate, UpdateSettings
 from agents.rollouts.validation_run import ValidationRun, validation_run
-from agents.rollouts.workers import rollout_collector
+from agents.rollouts.workers import rollout_collector, shares
 from agents.training.command import Command
 from agents.training.folder import RunFolder, decisive
 from agents.training.loop import Epochs, geometric, linear
 from agents.training.seeds import train_seeds
 from intersection_env.constants import DT
+from intersection_env.evaluation.empty_road import EmptyRoad, empty_road
 from intersection_env.features import Driving
+from intersection_env.maps.intersection import Intersection, shipped_maps
 from intersection_env.policies.named import gap_decider
+from intersection_env.prediction.predictor import Predictor
 
 COMMAND = "python -m agents.ppo"
 VALIDATION_SEED = 2**40  # of no training
@@ -44,12 +48,13 @@ class PpoSettings:
     """The run folder."""
     resume: bool = False
     """Go on with the run in that folder."""
-    map: str = "bendplatz"
-    """A map's name or file."""
+    map: tuple[str, ...] = shipped_maps()
+    """Names or files of maps, each in an equal share of the worlds."""
     gaps: tuple[str, ...] = ("gap", "critical_gap")
-    """Who decides about gaps, each in an equal share of the worlds: policies with a gap network (name or file),
+    """Who decides about gaps, each in an equal share of each map's worlds: policies with a gap network (name or file),
     critical_gap or sumo. The first one also decides in the policy that is written."""
     worlds: int = 256
+    """On all maps; shares differ by one where they cannot be equal."""
     vehicles: int = 12
     """In each world; paper, Section IV-B.2."""
     steps: int = 128
@@ -85,6 +90,8 @@ PROFILES = {
     "paper": (
         "the paper's Table III; for weeks",
         PpoSettings(
+            map=("bendplatz",),
+            gaps=("gap",),
             worlds=1,
             steps=2000,
             epochs=1_000_000,
@@ -138,34 +145,36 @@ def train_driver(settings: PpoSettings, folder: RunFolder | None = None, progres
             collector.update_policy_weights_()
             if epochs.is_due:
                 runs = _watched(driver.policy, settings)
-                row["validation"] = {gap: dataclasses.asdict(run) for gap, run in runs.items()}
+                row["validation"] = {
+                    name: {gap: dataclasses.asdict(run) for gap, run in of_map.items()} for name, of_map in runs.items()
+                }
+                every = [run for of_map in runs.values() for run in of_map.values()]
+                alone = _alone(driver.policy, settings)
+                row["empty_road"] = alone.figures()
                 epochs.show(
-                    reward=" ".join(f"{run.reward:.2f}" for run in runs.values()),
-                    collisions=" ".join(f"{run.collisions:.1e}" for run in runs.values()),
-                    speed=" ".join(f"{run.speed:.1f}" for run in runs.values()),
+                    reward=" ".join(f"{run.reward:.2f}" for run in every),
+                    collisions=" ".join(f"{run.collisions:.1e}" for run in every),
+                    speed=" ".join(f"{run.speed:.1f}" for run in every),
+                    alone=f"{alone.least:.2f}",
                 )
             epochs.end(row)
     return driver
 
 
 def environments(settings: PpoSettings, *, worlds: int, threads: int) -> list[ClosedLoopEnv]:
-    """The training's worlds, an environment for each of who decides about gaps.
+    """The training's worlds, an environment for each map and each of who decides about gaps there.
 
     Raises:
         ValueError: they cannot share so many worlds; or as of `ClosedLoopWorlds`.
     """
-    if not settings.gaps or worlds % len(settings.gaps):
-        raise ValueError(f"gaps: {len(settings.gaps)} cannot have equal shares of {worlds} worlds")
+    both = [(name, gap) for gap in settings.gaps for name in settings.map]
+    try:
+        counts = shares(worlds, len(both))
+    except ValueError as error:
+        raise ValueError(f"map: {len(settings.map)}, gaps: {len(settings.gaps)}: {error}") from None
     return [
-        ClosedLoopEnv(
-            settings.map,
-            worlds=worlds // len(settings.gaps),
-            vehicles=settings.vehicles,
-            gap=gap,
-            threads=threads,
-            desynchronise=True,
-        )
-        for gap in settings.gaps
+        ClosedLoopEnv(name, worlds=count, vehicles=settings.vehicles, gap=gap, threads=threads, desynchronise=True)
+        for (name, gap), count in zip(both, counts, strict=True)
     ]
 
 
@@ -179,20 +188,29 @@ def _seen(rollout: TensorDict) -> dict[str, float]:
     }
 
 
-def _watched(policy: DrivingNetwork, settings: PpoSettings) -> dict[str, ValidationRun]:
-    """Short runs by the mean action, one with each of who decides about gaps."""
+def _watched(policy: DrivingNetwork, settings: PpoSettings) -> dict[str, dict[str, ValidationRun]]:
+    """Short runs by the mean action, on each map with each of who decides about gaps."""
     return {
-        gap: validation_run(
-            policy,
-            map=settings.map,
-            gap=gap,
-            seed=VALIDATION_SEED,
-            vehicles=settings.vehicles,
-            worlds=WATCHED_WORLDS,
-            steps=WATCHED_STEPS,
-        )
-        for gap in settings.gaps
+        name: {
+            gap: validation_run(
+                policy,
+                map=name,
+                gap=gap,
+                seed=VALIDATION_SEED,
+                vehicles=settings.vehicles,
+                worlds=WATCHED_WORLDS,
+                steps=WATCHED_STEPS,
+            )
+            for gap in settings.gaps
+        }
+        for name in settings.map
     }
+
+
+def _alone(policy: DrivingNetwork, settings: PpoSettings) -> EmptyRoad:
+    """How fast it is on the maps' empty roads, beside the calibrated IDM that ships."""
+    predictor = Predictor(driving_policy(gap_decider(settings.gaps[0]), policy, {}), "ppo")
+    return empty_road(predictor, maps=[Intersection.load(name) for name in settings.map])
 
 
 def main(settings: PpoSettings) -> int:
@@ -201,15 +219,24 @@ def main(settings: PpoSettings) -> int:
         return train_seeds(main, settings)
     with Command(settings.run / "ppo.policy") as command:
         deciders = [gap_decider(gap) for gap in settings.gaps]
-        hashes = " ".join(gap_hash(decider) for decider in deciders)
-        folder = RunFolder.begin(settings.run, decisive(settings), hashes, settings.resume, settings.tensorboard)
+        maps = [Intersection.load(name) for name in settings.map]
+        data = " ".join([*(gap_hash(decider) for decider in deciders), *(one.checksum for one in maps)])
+        folder = RunFolder.begin(settings.run, decisive(settings), data, settings.resume, settings.tensorboard)
         driver = train_driver(settings, folder)
-        about: dict[str, Any] = {"made_by": COMMAND, "settings": decisive(settings), "map": settings.map}
-        about["validation_run"] = {}
-        for gap in dict.fromkeys((*settings.gaps, "critical_gap")):
-            run = validation_run(driver.policy, map=settings.map, gap=gap, seed=VALIDATION_SEED)
-            about["validation_run"][gap] = {key: round(value, 6) for key, value in dataclasses.asdict(run).items()}
-            print(f"2000 s with 12 vehicles, gaps by {gap}: {about['validation_run'][gap]}")
+        about: dict[str, Any] = {"made_by": COMMAND, "settings": decisive(settings)}
+        about |= {"maps": [one.name for one in maps], "validation_run": {}}
+        for one in maps:
+            about["validation_run"][one.name] = {}
+            for gap in dict.fromkeys((*settings.gaps, "critical_gap")):
+                run = validation_run(driver.policy, map=one, gap=gap, seed=VALIDATION_SEED)
+                figures = {key: round(value, 6) for key, value in dataclasses.asdict(run).items()}
+                about["validation_run"][one.name][gap] = figures
+                print(f"{one.name}, 2000 s with 12 vehicles, gaps by {gap}: {figures}")
+        alone = _alone(driver.policy, settings)
+        about["empty_road"] = alone.figures()
+        print(
+            f"alone, speed after 10 s as a share of the calibrated IDM's: {about['empty_road']}; least: {alone.where}"
+        )
         driving_policy(deciders[0], driver.policy, about).save(command.output)
     return command.status
 

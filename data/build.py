@@ -1,6 +1,7 @@
-"""A folder of recordings to a scenes file.
+"""A folder of recordings to a scenes file, or to one for each of several places.
 
 python -m data.build RECORDINGS --map bendplatz --out out/scenes.npz
+python -m data.build RECORDINGS --out out/scenes                        a file for each map that ships, where one lies
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ from data.pipeline.projection import MAX_EXCESS, RMS_EXCESS
 from data.pipeline.scenes_of import LEAST_DURATION, build_scenes, check_location
 from data.pipeline.split import split_of
 from intersection_env.constants import DT
-from intersection_env.maps.intersection import Intersection
+from intersection_env.maps.intersection import Intersection, shipped_maps
 from intersection_env.scenes.scene import SPLITS, Scene
 from intersection_env.scenes.scenes import Scenes
 
@@ -89,6 +90,28 @@ def recordings_on(folder: Path, intersection: Intersection) -> tuple[list[str], 
     return on_map, elsewhere
 
 
+def maps_of(folder: Path, maps: Sequence[str | Path] = ()) -> tuple[Intersection, ...]:
+    """The maps to build scenes on: those named, or every map that ships on which a recording of the folder lies.
+
+    Raises:
+        FileNotFoundError: there is no recording.
+        ValueError: a map is damaged, none of the recordings lies on one, or two maps have one name.
+        OSError: a map's file cannot be read.
+    """
+    found = tuple(Intersection.load(name) for name in maps or shipped_maps())
+    names = [one.name for one in found]
+    twice = [name for name in names if names.count(name) > 1]
+    if twice:
+        raise ValueError(f'two maps are called "{twice[0]}"; each needs a name of its own')
+    locations = {id: read_location(folder, id) for id in recording_ids(folder)}
+    there = tuple(one for one in found if set(one.locations) & set(locations.values()))
+    for one in found if maps or not there else ():
+        if one not in there:
+            id, location = next(iter(locations.items()))
+            check_location(id, location, one)
+    return there
+
+
 def summary(scenes: Scenes) -> str:
     """What the scenes hold and what was dropped, as text."""
     recorded = sum(one["seconds"] for one in scenes.provenance["recordings"])
@@ -107,23 +130,42 @@ def summary(scenes: Scenes) -> str:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Builds a scenes file, prints what was dropped and why, and returns the exit status."""
+    """Builds scenes files, prints what was dropped and why, and returns the exit status."""
     parser = argparse.ArgumentParser(prog="python -m data.build", description="Recordings to a scenes file.")
     parser.add_argument("folder", type=Path, help="folder with recordings in inD's format (.csv or .csv.xz)")
-    parser.add_argument("--map", default="bendplatz", help="a shipped map's name, or the path of a .json or .map")
-    parser.add_argument("--out", type=Path, default=Path("out/scenes.npz"), help="the scenes file to write")
+    parser.add_argument(
+        "--map",
+        nargs="+",
+        default=(),
+        help="names of maps that ship, or paths of .json or .map; default: all that ship and have recordings here",
+    )
+    parser.add_argument(
+        "--out",
+        type=Path,
+        default=Path("out/scenes.npz"),
+        help="the scenes file to write (.npz); or a folder, for MAP.npz of each map",
+    )
     parser.add_argument("--recordings", nargs="+", metavar="NN", help="read only these (07 08 09)")
     options = parser.parse_args(arguments)
     try:
-        scenes = build(options.folder, Intersection.load(options.map), options.recordings)
-        if not len(scenes):
-            raise ValueError(f"{options.folder}: no stretch is left to make a scene of\n{summary(scenes)}")
-        scenes.save(options.out)
+        maps = maps_of(options.folder, options.map)
+        if options.out.suffix == ".npz" and len(maps) > 1:
+            names = ", ".join(one.name for one in maps)
+            raise ValueError(
+                f"--out {options.out} is one file, and recordings lie on several maps ({names}); give a --map, or as"
+                " --out a folder"
+            )
+        for one in maps:
+            path = options.out if options.out.suffix == ".npz" else options.out / f"{one.name}.npz"
+            scenes = build(options.folder, one, options.recordings)
+            if not len(scenes):
+                raise ValueError(f"{options.folder}: no stretch is left to make a scene of\n{summary(scenes)}")
+            scenes.save(path)
+            print(f"map {one.name}: {summary(scenes)}")
+            print(f"written: {path}")
     except (OSError, ValueError) as error:
         print(f"error: {error}", file=sys.stderr)
         return 1
-    print(summary(scenes))
-    print(f"written: {options.out}")
     return 0
 
 

@@ -157,8 +157,10 @@ def _evaluate(scenes: Scenes, moments: Sequence[Moment], path: Path) -> None:
     _heading("4. Errors over the development scenes")
     print(
         f"predicted from {len(moments)} moments of {len(scenes)} scenes, all vehicles jointly; cars and trucks scored\n"
-        "recorded: at the start and at the horizon; extrapolated: not yet seen at the start, so built from their"
-        " own future\ndistance along the route [m] and time loss [s], predicted minus recorded"
+        "until_last_seen: all recorded at the start, each at the last moment within 10 s at which it is recorded;"
+        " last_seen: of\nthose the ones last seen within the 2 s up to the horizon; recorded: at the start and at the"
+        " horizon, so mostly who waited;\nextrapolated: not yet seen at the start, so built from their own future\n"
+        "distance along the route [m] and time loss [s], predicted minus recorded; speeds behind the junction [m/s]"
     )
     table = pd.concat([evaluate(Predictor.load(model), moments) for model in MODELS], ignore_index=True)
     shown = table.sort_values(["population", "model", "horizon"], ascending=[False, True, True])

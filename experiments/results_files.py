@@ -11,9 +11,10 @@ from intersection_env.files import written_whole
 
 RESULTS = (
     "gap_development", "gap_validation", "order_development", "order_validation", "horizon_development",
-    "horizon_validation", "replay_development", "maneuvers_validation", "closed_loop", "runtime", "reproduced",
+    "horizon_validation", "replay_development", "maneuvers_validation", "closed_loop", "runtime", "default",
+    "reproduced",
 )  # fmt: skip
-OPTIONAL = ("ablations",)
+OPTIONAL = ("ablations", "places")
 DIGITS = 6  # of floats
 
 

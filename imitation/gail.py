@@ -1,19 +1,21 @@
 """Trains the driver by GAIL: in the replays, until a discriminator cannot tell it from the recorded drivers.
 
-python -m imitation.gail default --scenes out/scenes.npz --ppo runs/ppo --run runs/gail
-python -m imitation.gail paper --run runs/gail_paper
+python -m imitation.gail default --ppo runs/ppo --run runs/gail
+python -m imitation.gail default --scenes bendplatz t_junction --ppo runs/ppo --run runs/two
+python -m imitation.gail paper --scenes mine.npz --map mine.json --run runs/mine
 """
 
 from __future__ import annotations
 
 import dataclasses
-import hashlib
 import sys
+from collections.abc import Sequence
 from copy import deepcopy
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import torch
 import tyro
 from tensordict import TensorDict
@@ -22,25 +24,29 @@ from agents.networks.driving import Driver, DrivingNetwork
 from agents.networks.export import driving_policy, gap_hash
 from agents.rollouts.envs import ReplayEnv
 from agents.rollouts.policy_update import PolicyUpdate, UpdateSettings
-from agents.rollouts.workers import rollout_collector
+from agents.rollouts.workers import rollout_collector, shares
 from agents.training.command import Command
-from agents.training.folder import CHECKPOINT, RunFolder, decisive, file_hash, state_hash
+from agents.training.folder import CHECKPOINT, RunFolder, decisive, file_hash, joint_hash, state_hash
 from agents.training.loop import Epochs, geometric, linear
 from agents.training.seeds import train_seeds
 from imitation.discriminator import Discriminator, DiscriminatorLoss, DiscriminatorSettings
 from imitation.expert import expert_steps
 from imitation.replay_error import replay_error
 from intersection_env.constants import DT, STEPS
-from intersection_env.evaluation.errors import distance_error
-from intersection_env.evaluation.moments import followed, moments_of
+from intersection_env.evaluation.empty_road import empty_road
+from intersection_env.evaluation.errors import distance_error, figures_until_last_seen
+from intersection_env.evaluation.moments import Moment, followed
+from intersection_env.evaluation.places import moments_in
 from intersection_env.policies.named import gap_decider
 from intersection_env.prediction.predictor import Predictor
+from intersection_env.scenes.places import ALL_SCENES, each_place, load_places, map_names
 from intersection_env.scenes.scene import SPLITS
-from intersection_env.scenes.scenes import Scenes
+from intersection_env.scenes.scenes import Scenes, scenes_path
 from intersection_env.worlds.recorded_tracks import steps_to_act
 from intersection_env.worlds.replay import ReplayWorlds
 
 COMMAND = "python -m imitation.gail"
+STEADY = "constant_velocity"  # beside which predictions are shown
 BETWEEN_MOMENTS = 4.0  # [s], of those that are predicted
 
 
@@ -48,8 +54,11 @@ BETWEEN_MOMENTS = 4.0  # [s], of those that are predicted
 class GailSettings:
     """What a training of the driver by GAIL depends on."""
 
-    scenes: Path = Path("out/scenes.npz")
-    """The scenes file; `python -m data.build` makes it."""
+    scenes: tuple[Path, ...] = ALL_SCENES
+    """Scenes that ship (names), or scenes files, which `python -m data.build` makes; of one place or several, each in
+    an equal share of the worlds."""
+    map: tuple[str, ...] = ()
+    """The maps (files) of scenes on maps that do not ship."""
     ppo: Path | None = Path("runs/ppo")
     """The run folder of the PPO training to go on from."""
     run: Path = Path("runs/gail")
@@ -61,6 +70,7 @@ class GailSettings:
     decider: str = "gap"
     """Who decides about gaps in the policy that is written: a policy with a gap network, critical_gap or sumo."""
     worlds: int = 256
+    """Of all places; shares differ by one where they cannot be equal."""
     steps: int = 64
     """Of each world in an epoch; 16384 steps in all, paper, Table III."""
     epochs: int = 500
@@ -105,7 +115,7 @@ PROFILES = {
 
 
 def train_driver(
-    scenes: Scenes,
+    scenes: Scenes | Sequence[Scenes],
     start: Driver | None,
     settings: GailSettings,
     folder: RunFolder | None = None,
@@ -114,7 +124,8 @@ def train_driver(
     """The trained driver: its policy is that of the checkpoint that predicts development best.
 
     Args:
-        scenes: recorded scenes; those for training are learned from, those for development watched.
+        scenes: recorded scenes, of one place or several; those for training are learned from, those for development
+            watched.
         start: whose networks to begin with; None: random ones.
         settings: how to train.
         folder: where metrics and checkpoints go; its checkpoint, if there is one, is where training goes on.
@@ -124,14 +135,15 @@ def train_driver(
         Interrupted: Ctrl-C was pressed; the checkpoint stands at the last whole epoch.
         ValueError: no usable scene.
     """
-    decider = gap_decider(settings.decider)
-    watched = followed(moments_of(scenes.select("development"), BETWEEN_MOMENTS)[0])
+    decider, places = gap_decider(settings.decider), each_place(scenes)
+    watched = _watched(places)
     if not watched:
         raise ValueError("no moment of the development scenes to predict from")
     best: dict[str, Any] = {"error": float("inf")}
     torch.manual_seed(settings.seed)  # the networks' first weights
     generator = torch.Generator().manual_seed(settings.seed)
-    expert = torch.from_numpy(expert_steps(scenes, "train", settings.gap).observation)
+    recorded = [expert_steps(place, "train", settings.gap).observation for place in places]
+    expert = torch.from_numpy(np.concatenate(recorded))
     driver = Driver(DrivingNetwork(), DrivingNetwork(), settings.sigma)
     if start is not None:
         driver.policy.load_state_dict(start.policy.state_dict())
@@ -141,8 +153,12 @@ def train_driver(
     loss = DiscriminatorLoss(discriminator, settings.discriminator, generator)
     optimizer = torch.optim.Adam(discriminator.parameters(), lr=settings.discriminator.learning_rate)
 
-    def make(**shares: int) -> list[ReplayEnv]:
-        return [ReplayEnv(scenes, split="train", gap=settings.gap, desynchronise=True, **shares)]
+    def make(*, worlds: int, threads: int) -> list[ReplayEnv]:
+        counts = shares(worlds, len(places))
+        return [
+            ReplayEnv(place, split="train", gap=settings.gap, desynchronise=True, worlds=count, threads=threads)
+            for place, count in zip(places, counts, strict=True)
+        ]
 
     with (
         rollout_collector(
@@ -187,34 +203,43 @@ def train_driver(
             driver.sigma.fill_(geometric(settings.sigma, settings.last_sigma, epochs.share))
             collector.update_policy_weights_()
             if epochs.is_due:
-                error = replay_error(driver.policy, scenes, "development")
+                error = replay_error(driver.policy, places, "development")
                 predictor = Predictor(driving_policy(decider, driver.policy, {}), "gail")
+                alone = empty_road(predictor, maps=[one.intersection for one in places])
                 row |= {"development": dataclasses.asdict(error), "predicted": distance_error(predictor, watched)}
+                row |= {"until_last_seen": figures_until_last_seen(predictor, watched), "empty_road": alone.figures()}
                 if row["predicted"] < best["error"]:
                     best |= {"error": row["predicted"], "epoch": epoch, "policy": deepcopy(driver.policy.state_dict())}
-                epochs.show(accuracy=f"{row['accuracy']:.2f}", alone=f"{error.rmse:.1f}", best=f"{best['error']:.2f}")
+                epochs.show(
+                    accuracy=f"{row['accuracy']:.2f}",
+                    alone=f"{error.rmse:.1f}",
+                    bias=f"{row['until_last_seen']['bias']:.1f}",
+                    empty=f"{alone.least:.2f}",
+                    best=f"{best['error']:.2f}",
+                )
             epochs.end(row)
     driver.policy.load_state_dict(best["policy"])
     return driver
 
 
-def usable_scenes(path: Path) -> Scenes:
-    """The scenes file's scenes, with vehicles to learn from and others to watch for 10 s.
+def usable_places(paths: Sequence[Path], maps: Sequence[str] = ()) -> tuple[Scenes, ...]:
+    """The scenes of each file, each with vehicles to learn from and others to watch for 10 s.
 
     Raises:
-        ValueError: the file is damaged or made for something else, or a split has no such vehicle.
-        OSError: it cannot be read.
+        ValueError: a file is damaged or made for something else, or a split of it has no such vehicle.
+        OSError: one cannot be read.
     """
-    scenes = Scenes.load(path)
-    for split, steps in zip(SPLITS, (1, STEPS + 1), strict=False):
-        try:
-            recorded = ReplayWorlds(scenes, split=split).tracks
-        except ValueError as error:
-            raise ValueError(f'{path}, split "{split}": {error}') from None
-        tracks = [track for scene in recorded.scenes for track in scene.tracks]
-        if max(steps_to_act(tracks[index]) for index in recorded.actors) < steps:
-            raise ValueError(f'{path}, split "{split}": nobody is recorded for more than {STEPS * DT:.0f} s')
-    return scenes
+    places = load_places(paths, maps)
+    for path, place in zip(paths, places, strict=True):
+        for split, steps in zip(SPLITS, (1, STEPS + 1), strict=False):
+            try:
+                recorded = ReplayWorlds(place, split=split).tracks
+            except ValueError as error:
+                raise ValueError(f'{path}, split "{split}": {error}') from None
+            tracks = [track for scene in recorded.scenes for track in scene.tracks]
+            if max(steps_to_act(tracks[index]) for index in recorded.actors) < steps:
+                raise ValueError(f'{path}, split "{split}": nobody is recorded for more than {STEPS * DT:.0f} s')
+    return places
 
 
 def start_of(run: Path) -> Driver:
@@ -237,14 +262,28 @@ def start_of(run: Path) -> Driver:
     return driver
 
 
-def _hashes(settings: GailSettings, start: Driver | None) -> dict[str, str]:
-    """SHA-256 of all that is learned from, by name."""
-    hashes = {"scenes": file_hash(settings.scenes)}
+def _hashes(settings: GailSettings, start: Driver | None) -> dict[str, Any]:
+    """SHA-256 of all that is learned from, by name; of the scenes one a file."""
+    hashes: dict[str, Any] = {"scenes": [file_hash(scenes_path(name)) for name in settings.scenes]}
     if start is not None:
         hashes["ppo"] = state_hash(start.state_dict())
     if settings.gap != "recording":
         hashes["gap"] = gap_hash(gap_decider(settings.gap))
     return hashes
+
+
+def _figures(predictor: Predictor, places: Sequence[Scenes]) -> dict[str, Any]:
+    """How it predicts development, beside constant velocity, and how fast it is alone; printed too."""
+    moments = _watched(places)
+    until_last_seen = {one.name: figures_until_last_seen(one, moments) for one in (predictor, Predictor.load(STEADY))}
+    alone = empty_road(predictor, maps=[one.intersection for one in places])
+    print(f"until last seen, development [m]: {until_last_seen}")
+    print(f"on an empty road, speed as a share of the calibrated IDM's: {alone.figures()}; least: {alone.where}")
+    return {"until_last_seen": until_last_seen, "empty_road": alone.figures()}
+
+
+def _watched(places: Sequence[Scenes]) -> list[Moment]:
+    return followed(moments_in(places, "development", BETWEEN_MOMENTS)[0])
 
 
 def main(settings: GailSettings) -> int:
@@ -253,17 +292,18 @@ def main(settings: GailSettings) -> int:
         return train_seeds(main, settings)
     with Command(settings.run / "gail.policy") as command:
         decider = gap_decider(settings.decider)
-        scenes = usable_scenes(settings.scenes)
+        places = usable_places(settings.scenes, settings.map)
         start = None if settings.ppo is None else start_of(settings.ppo)
         hashes = _hashes(settings, start)
-        data = hashlib.sha256(" ".join(hashes.values()).encode()).hexdigest()
+        data = joint_hash([*hashes["scenes"], *(one for name, one in hashes.items() if name != "scenes")])
         folder = RunFolder.begin(settings.run, decisive(settings), data, settings.resume, settings.tensorboard)
-        driver = train_driver(scenes, start, settings, folder)
-        figures = dataclasses.asdict(replay_error(driver.policy, scenes, "development"))
+        driver = train_driver(places, start, settings, folder)
+        figures = dataclasses.asdict(replay_error(driver.policy, places, "development"))
         about: dict[str, Any] = {"made_by": COMMAND, "settings": decisive(settings)}
-        about |= {"map": scenes.intersection.name, "sha256": hashes}
+        about |= {"maps": map_names(places), "sha256": hashes}
         about["development"] = {key: round(value, 6) for key, value in figures.items()}
         print(f"alone among the recorded vehicles of development, 10 s: {about['development']}")
+        about |= _figures(Predictor(driving_policy(decider, driver.policy, {}), "gail"), places)
         driving_policy(decider, driver.policy, about).save(command.output)
     return command.status
 

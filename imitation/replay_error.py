@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import torch
@@ -14,7 +16,9 @@ from imitation.tracks import each_track, replays
 from intersection_env import _core
 from intersection_env.constants import STEPS
 from intersection_env.features import Driving
+from intersection_env.scenes.places import each_place
 from intersection_env.scenes.scenes import Scenes
+from intersection_env.worlds.replay import ReplayWorlds
 
 TO_LINE = Driving.DISTANCE_TO_STOP_LINE
 
@@ -35,13 +39,47 @@ class ReplayError:
     """Share of the steps at delta = 0, since a vehicle was able to stop, in which it crossed its line."""
 
 
-def replay_error(policy: DrivingNetwork, scenes: str | Path | Scenes, split: str | None) -> ReplayError:
+def constant_velocity_network() -> DrivingNetwork:
+    """A network that never accelerates: what others are compared with."""
+    network = DrivingNetwork()
+    for weights in network.parameters():
+        torch.nn.init.zeros_(weights)
+    return network
+
+
+def replay_error(
+    policy: DrivingNetwork, scenes: str | Path | Scenes | Sequence[Scenes], split: str | None
+) -> ReplayError:
     """Lets every recorded car and truck of a split be driven by the mean action, with the recorded order as delta.
+
+    scenes: a scenes file's name or path, or the scenes of one place or several.
 
     Raises:
         ValueError, OSError: as of `ReplayWorlds`.
     """
-    worlds = replays(scenes, split)
+    places = (scenes,) if isinstance(scenes, str | Path) else each_place(scenes)
+    every = [_driven(policy, replays(place, split)) for place in places]
+    error = np.concatenate([one.error for one in every])
+    return ReplayError(
+        rmse=float(np.sqrt(np.mean(error**2))),
+        mad=float(np.median(np.abs(error))),
+        count=len(error),
+        collisions=sum(one.collided for one in every) / sum(one.vehicles for one in every),
+        line_runs=sum(one.crossed for one in every) / max(sum(one.held for one in every), 1),
+    )
+
+
+class _Driven(NamedTuple):
+    """error: (vehicle,) [m]. vehicles, and those that collided. held, and of those crossed: steps at delta = 0."""
+
+    error: NDArray[np.float32]
+    vehicles: int
+    collided: int
+    held: int
+    crossed: int
+
+
+def _driven(policy: DrivingNetwork, worlds: ReplayWorlds) -> _Driven:
     errors: list[NDArray[np.float32]] = []
     collided = crossed = held = 0
     for drives in each_track(worlds):
@@ -58,11 +96,4 @@ def replay_error(policy: DrivingNetwork, scenes: str | Path | Scenes, split: str
             drives &= ~(worlds.terminated | worlds.truncated)
         ahead = worlds.expert_observation[:, TO_LINE] - worlds.observation[:, TO_LINE]
         errors.append(ahead[drives])
-    error = np.concatenate(errors)
-    return ReplayError(
-        rmse=float(np.sqrt(np.mean(error**2))),
-        mad=float(np.median(np.abs(error))),
-        count=len(error),
-        collisions=collided / len(worlds.tracks.actors),
-        line_runs=crossed / max(held, 1),
-    )
+    return _Driven(np.concatenate(errors), len(worlds.tracks.actors), collided, held, crossed)

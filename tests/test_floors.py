@@ -57,7 +57,17 @@ CORE_FLOORS = (
     ("prediction", "worlds"),
     ("python",),
 )
-COMMANDS = ("gap", "crossing_order", "horizon", "maneuver_gain", "closed_loop", "runtime", "sumo_predictor", "demo")
+COMMANDS = (
+    "gap",
+    "crossing_order",
+    "horizon",
+    "maneuver_gain",
+    "closed_loop",
+    "runtime",
+    "sumo_predictor",
+    "real",
+    "demo",
+)
 """Of experiments, beside the rooms: nobody imports them."""
 
 

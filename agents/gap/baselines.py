@@ -124,9 +124,14 @@ def boosting(train: GapSamples) -> Decider:
 
 
 def boosting_three(train: GapSamples) -> Decider:
-    """Gradient boosting on all features of the three nearest foes: the ceiling, for it sees them together."""
-    model = _boosting().fit(nearest_foes(train), train.labels())
-    return SampleModel(lambda samples: _chance(model, nearest_foes(samples)))
+    """Gradient boosting on all features of the three nearest foes: the ceiling, for it sees them together.
+
+    Features with one value alone are left out, as where nobody ever has three foes: scikit-learn fails on them.
+    """
+    foes = nearest_foes(train)
+    varies = np.array([len(np.unique(column[~np.isnan(column)])) > 1 for column in foes.T])
+    model = _boosting().fit(foes[:, varies], train.labels())
+    return SampleModel(lambda samples: _chance(model, nearest_foes(samples)[:, varies]))
 
 
 BASELINES: dict[str, Callable[[GapSamples], Decider]] = {

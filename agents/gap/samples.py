@@ -7,7 +7,7 @@ arrival and is not slowed by a lead vehicle. It has one row per active pair; fea
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, fields, replace
 from enum import IntEnum
 from typing import Literal
@@ -21,6 +21,7 @@ from intersection_env.features import Driving, Gap
 from intersection_env.maps.intersection import Intersection
 from intersection_env.maps.meeting import Conflict
 from intersection_env.prediction.predictor import Predictor
+from intersection_env.scenes.places import each_place
 from intersection_env.scenes.scene import Scene, Track
 from intersection_env.scenes.scenes import Scenes
 
@@ -82,9 +83,9 @@ class GapSamples:
         """The samples of some recordings."""
         return self._keep(np.isin(self.sample_recording, list(recordings)), np.ones(len(self.sample), np.bool_))
 
-    def of_split(self, scenes: Scenes, split: str) -> GapSamples:
+    def of_split(self, scenes: Scenes | Sequence[Scenes], split: str) -> GapSamples:
         """The samples of a split's recordings."""
-        return self.of({scene.recording for scene in scenes if scene.split == split})
+        return self.of({scene.recording for place in each_place(scenes) for scene in place if scene.split == split})
 
     def labels(self) -> NDArray[np.bool_]:
         """(sample,) whether the yielder entered before all its foes; call `select` first."""
@@ -123,17 +124,21 @@ class GapSamples:
         return replace(self, **kept | {"sample": number[self.sample[pairs]]})
 
 
-def gap_samples(scenes: Scenes, progress: bool = True) -> tuple[GapSamples, dict[str, int]]:
-    """The samples of all scenes, and how many yielders at a frame were left out, by reason."""
+def gap_samples(scenes: Scenes | Sequence[Scenes], progress: bool = True) -> tuple[GapSamples, dict[str, int]]:
+    """The samples of all scenes, of one place or several, and how many yielders at a frame were left out, by reason.
+
+    Raises:
+        ValueError: there is no sample.
+    """
     rules = {gap: Predictor.load("idm", gap=gap) for gap in ("critical_gap", "sumo")}
-    between = {(c.yielder, c.prioritized): c for c in scenes.intersection.conflicts}
     rows: dict[str, list[NDArray[np.generic]]] = {field.name: [] for field in fields(GapSamples)}
     left_out: Counter[str] = Counter()
     count = 0
-    for scene in tqdm(scenes, desc="gap samples", unit="scene", disable=None if progress else True):
-        orders = _Orders(scenes.intersection, between)
+    every = [(place, scene) for place in each_place(scenes) for scene in place]
+    for place, scene in tqdm(every, desc="gap samples", unit="scene", disable=None if progress else True):
+        orders = _Orders(place.intersection)
         for step in range(scene.steps):
-            count += _frame(scenes, scene, step, rules, orders, rows, count, left_out)
+            count += _frame(place, scene, step, rules, orders, rows, count, left_out)
     if not count:
         raise ValueError("the scenes hold no yielding vehicle with a foe: nothing to learn gaps from")
     return GapSamples(**{name: np.concatenate(values) for name, values in rows.items()}), dict(left_out)
@@ -205,9 +210,8 @@ def _why_not(track: Track, observed: bool, driving: NDArray[np.float32]) -> str:
 class _Orders:
     """Who reached which conflict first in one scene, remembered by pair of tracks."""
 
-    def __init__(self, intersection: Intersection, between: dict[tuple[int, int], Conflict]) -> None:
-        self._intersection = intersection
-        self._between = between
+    def __init__(self, intersection: Intersection) -> None:
+        self._between = {(c.yielder, c.prioritized): c for c in intersection.conflicts}
         self._first: dict[tuple[str, str], int] = {}
 
     def conflict(self, yielder: Track, foe: Track) -> Conflict:

@@ -1,7 +1,8 @@
 """Trains the gap network: supervised, through the minimum over each yielder's foes.
 
-python -m agents.gap default --scenes out/scenes.npz --run runs/gap
-python -m agents.gap paper --run runs/gap_paper
+python -m agents.gap default --run runs/gap                                   on all places that ship
+python -m agents.gap default --scenes bendplatz t_junction --run runs/two     on two of them
+python -m agents.gap paper --scenes mine.npz --map mine.json --run runs/mine  on one's own
 """
 
 from __future__ import annotations
@@ -19,10 +20,11 @@ from agents.gap.samples import Foes, GapSamples, gap_samples
 from agents.networks.export import policy_file
 from agents.networks.gap import GapNetwork, least_logit
 from agents.training.command import Command
-from agents.training.folder import RunFolder, decisive, file_hash
+from agents.training.folder import RunFolder, decisive, file_hash, joint_hash
 from agents.training.loop import Epochs
+from intersection_env.scenes.places import ALL_SCENES, load_places, map_names
 from intersection_env.scenes.scene import SPLITS
-from intersection_env.scenes.scenes import Scenes
+from intersection_env.scenes.scenes import scenes_path
 
 COMMAND = "python -m agents.gap"
 INPUT_NOISE = (0.5, 0.1, 2.0, 2.0)  # [m], [m/s], as `Gap` has them; paper, Section IV-B.1
@@ -34,8 +36,10 @@ TEMPERATURES = np.geomspace(0.3, 3.0, 301)
 class GapSettings:
     """What a training of the gap network depends on; the defaults did best on the development recordings."""
 
-    scenes: Path = Path("out/scenes.npz")
-    """The scenes file; `python -m data.build` makes it."""
+    scenes: tuple[Path, ...] = ALL_SCENES
+    """Scenes that ship (names), or scenes files, which `python -m data.build` makes; of one place or several."""
+    map: tuple[str, ...] = ()
+    """The maps (files) of scenes on maps that do not ship."""
     run: Path = Path("runs/gap")
     """The run folder."""
     resume: bool = False
@@ -166,17 +170,24 @@ def _divide_logits(network: GapNetwork, temperature: float) -> None:
 def main(settings: GapSettings) -> int:
     """Trains as told and writes the policy file `gap.policy` into the run folder; returns the exit status."""
     with Command(settings.run / "gap.policy") as command:
-        scenes = Scenes.load(settings.scenes)
-        folder = RunFolder.begin(settings.run, decisive(settings), file_hash(settings.scenes), settings.resume)
-        samples, left_out = gap_samples(scenes)
-        train, development = (samples.of_split(scenes, split).select(settings.foes) for split in SPLITS[:2])
+        places = load_places(settings.scenes, settings.map)
+        hashes = [file_hash(scenes_path(name)) for name in settings.scenes]
+        folder = RunFolder.begin(settings.run, decisive(settings), joint_hash(hashes), settings.resume)
+        samples, left_out = gap_samples(places)
+        train, development = (samples.of_split(places, split).select(settings.foes) for split in SPLITS[:2])
+        for split, part in zip(SPLITS, (train, development), strict=False):
+            if not len(part):
+                names = ", ".join(map(str, settings.scenes))
+                raise ValueError(f'{names}: no sample of split "{split}" of which it is known who went first')
         print(f"{len(train)} samples to learn from, {len(development)} for development; left out: {left_out}")
         network = train_network(train, development, settings, folder)
         about: dict[str, Any] = {"made_by": COMMAND, "settings": decisive(settings)}
-        about["data"] = {"map": scenes.intersection.name, "sha256": file_hash(settings.scenes)}
+        about["data"] = {"maps": map_names(places), "sha256": hashes}
         about["development"] = {}
         for foes in ("recorded", "all"):
-            held_out = PaddedSamples.of(samples.of_split(scenes, "development").select(foes))
+            held_out = PaddedSamples.of(samples.of_split(places, "development").select(foes))
+            if not len(held_out.label):
+                continue
             about["development"][foes] = {key: round(value, 4) for key, value in scores(network, held_out).items()}
             print(f"development, {foes} foes: {about['development'][foes]}")
         policy_file(network, about).save(command.output)

@@ -191,7 +191,7 @@ class ReplayEnv(_WorldsEnv):
         Args:
             scenes: a scenes file's name or path, or the scenes themselves.
             desynchronise: as of `ClosedLoopEnv`.
-            arguments: split, gap, worlds, threads and isa, as of `ReplayWorlds`.
+            arguments: map, split, gap, worlds, threads and isa, as of `ReplayWorlds`.
         """
         worlds = ReplayWorlds(scenes, autoreset="same_step", **arguments)
         box = observation_space(worlds.intersection, worlds.tracks.fastest, backing=False)

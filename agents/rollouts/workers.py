@@ -22,6 +22,18 @@ from agents.rollouts.envs import ClosedLoopEnv, ReplayEnv
 from agents.training.ray import ray_for
 
 
+def shares(worlds: int, count: int) -> list[int]:
+    """So many worlds in so many shares, the first ones larger by one where they cannot be equal.
+
+    Raises:
+        ValueError: no shares, or fewer worlds than shares.
+    """
+    if not 1 <= count <= worlds:
+        raise ValueError(f"{worlds} worlds cannot be shared by {count}")
+    each, more = divmod(worlds, count)
+    return [each + (place < more) for place in range(count)]
+
+
 @contextmanager
 def rollout_collector(
     make: Callable[..., list[ClosedLoopEnv] | list[ReplayEnv]],
@@ -37,7 +49,7 @@ def rollout_collector(
     """The collector of a training, a batch an epoch; call its `update_policy_weights_()` when the driver has changed.
 
     Args:
-        make: makes environments, equally large ones, given `threads` and how many `worlds` they have in all.
+        make: makes environments, given `threads` and how many `worlds` they have in all, in shares as of `shares`.
         driver: what drives.
         worlds: in all.
         steps: of each world in an epoch.
@@ -51,9 +63,10 @@ def rollout_collector(
         ChildProcessError: a worker failed.
     """
     envs = make(worlds=worlds, threads=threads)
-    share = worlds // len(envs)
-    if workers < 0 or share % max(workers, 1):
-        raise ValueError(f"workers is {workers}; wanted a number by which {share} worlds can be divided, or 0")
+    if workers < 0 or (workers and worlds % (workers * len(envs))):
+        of = f"of each of {len(envs)} environments " if len(envs) > 1 else ""
+        share = f"{worlds / len(envs):g}"
+        raise ValueError(f"workers is {workers}; wanted a number by which {share} worlds {of}can be divided, or 0")
     frames = sum(env.worlds.action.size for env in envs) * steps
     whole = RolloutCollector(envs, driver, frames_per_batch=frames, total_frames=frames * epochs)
     whole.set_seed(seed)

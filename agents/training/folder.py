@@ -10,7 +10,7 @@ import dataclasses
 import hashlib
 import json
 import platform
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from importlib import import_module
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 CONFIG, METRICS, CHECKPOINT = "config.json", "metrics.jsonl", "checkpoint.pt"
 LAST_BYTES = 4096  # of the metrics, which hold the last line
-NOT_DECISIVE = ("scenes", "ppo", "run", "resume", "threads", "workers", "seeds", "tensorboard")
+NOT_DECISIVE = ("scenes", "map", "ppo", "run", "resume", "threads", "workers", "seeds", "tensorboard")
 """Settings that say where files lie, whose content counts by its hash, and how the work is done."""
 
 
@@ -140,6 +140,11 @@ def last_row(metrics: Path) -> dict[str, Any]:
 def file_hash(path: Path) -> str:
     """SHA-256 of a file."""
     return hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+def joint_hash(hashes: Iterable[str]) -> str:
+    """One hash of several, in their order."""
+    return hashlib.sha256(" ".join(hashes).encode()).hexdigest()
 
 
 def state_hash(state: Any) -> str:

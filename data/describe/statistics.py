@@ -1,6 +1,7 @@
 """What the scenes hold, as figures that a person can compare with real traffic.
 
-python -m data.describe.statistics out/scenes.npz
+python -m data.describe.statistics bendplatz t_junction
+python -m data.describe.statistics mine.npz --map mine.json
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from data.describe.speeds import STANDING, Spread, slowest_in_junction, speed_be
 from data.pipeline.filters import together, touchings
 from data.pipeline.shared_lanes import overlap_length, pair_gap
 from intersection_env.constants import DT
-from intersection_env.maps.intersection import Intersection
+from intersection_env.scenes.places import load_places
 from intersection_env.scenes.scenes import Scenes
 
 LEAST_PAIRS = 400.0  # [1/h], ours: fewer are too few decisions to learn from in the hours that ship
@@ -92,8 +93,8 @@ def statistics(scenes: Scenes) -> Statistics:
     )
 
 
-def describe(figures: Statistics) -> str:
-    """The figures as text, one a line: here, what real traffic has, and the bars they must reach."""
+def describe(figures: Statistics, with_bars: bool = True) -> str:
+    """The figures as text, one a line: here, real ones, and the bars that the recordings that ship must reach."""
     vehicles = ", ".join(f"{count} {road_user}" for road_user, count in figures.vehicles.items())
     critical, width = (f"{value:.1f} s" for value in figures.critical_gap) if figures.critical_gap else ("none",) * 2
     standing = "mean {:.1f} s, p90 {:.1f} s".format(*figures.standing) if figures.standing else "none"
@@ -114,16 +115,19 @@ def describe(figures: Statistics) -> str:
         "acceleration 1 %, 99 %": f"{figures.acceleration_p1:+.1f}, {figures.acceleration_p99:+.1f} m/s²",
         "smallest bumper gap": f"{figures.smallest_gap:.2f} m",
         "overlapping vehicles": str(figures.overlapping),
-        "all bars reached": "yes" if figures.meets_bars else "NO",
     }
     bars = {
         "unled yield/priority pairs": f"at least {LEAST_PAIRS:.0f}",
         "critical gap": f"{CRITICAL_GAP[0]:g} to {CRITICAL_GAP[1]:g} s",
         "overlapping vehicles": "0",
+        "all bars reached": "yes" if figures.meets_bars else "NO",
     }
-    heads = ("", "here", "real Bendplatz", "bar")
-    table = [heads, *((name, text, BENDPLATZ.get(name, ""), bars.get(name, "")) for name, text in rows.items())]
-    widths = [max(len(row[column]) for row in table) for column in range(len(heads))]
+    rows |= {"all bars reached": ""}
+    heads = ["", "here", "real Bendplatz", "bar"]
+    table = [heads, *([name, text, BENDPLATZ.get(name, ""), bars.get(name, "")] for name, text in rows.items())]
+    if not with_bars:
+        table = [row[:3] for row in table[:-1]]
+    widths = [max(len(cell) for cell in column) for column in zip(*table, strict=True)]
     return "\n".join(
         "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in table
     )
@@ -168,18 +172,20 @@ def _closeness(scenes: Scenes) -> tuple[float, int]:
 def main(arguments: Sequence[str] | None = None) -> int:
     """Prints the figures of a scenes file and returns the exit status."""
     parser = argparse.ArgumentParser(prog="python -m data.describe.statistics", description="Figures of a scenes file.")
-    parser.add_argument("scenes", help="a scenes file, or the name of one that ships")
-    parser.add_argument("--map", help="the map of scenes that were built on a map of one's own")
+    parser.add_argument("scenes", nargs="+", help="scenes that ship (names), or scenes files")
+    parser.add_argument("--map", nargs="+", default=(), help="the maps (files) of scenes on maps that do not ship")
     options = parser.parse_args(arguments)
     try:
-        intersection = Intersection.load(options.map) if options.map else None
-        scenes = Scenes.load(options.scenes, intersection)
-        if not len(scenes):
-            raise ValueError(f"{options.scenes}: holds no scene")
+        places = load_places(options.scenes, options.map)
+        for name, scenes in zip(options.scenes, places, strict=True):
+            if not len(scenes):
+                raise ValueError(f"{name}: holds no scene")
     except (OSError, ValueError) as error:
         print(f"error: {error}", file=sys.stderr)
         return 1
-    print(describe(statistics(scenes)))
+    for name, scenes in zip(options.scenes, places, strict=True):
+        title = f"{name}, map {scenes.intersection.name}"
+        print(f"{title}\n{'-' * len(title)}\n{describe(statistics(scenes))}\n")
     return 0
 
 

@@ -32,10 +32,11 @@ from intersection_env import _core
 from intersection_env.constants import DT, STEPS
 from intersection_env.evaluation.errors import Forecaster
 from intersection_env.evaluation.intervals import interval
-from intersection_env.evaluation.moments import HORIZONS, SCORED, Moment, moments_of
+from intersection_env.evaluation.moments import HORIZONS, SCORED, Moment
+from intersection_env.evaluation.places import moments_in
 from intersection_env.prediction.measures import crossing_order
 from intersection_env.prediction.predictor import Predictor
-from intersection_env.scenes.scenes import Scenes
+from intersection_env.scenes.places import PAPERS_SCENES, load_places
 
 Flags = NDArray[np.bool_]
 
@@ -196,12 +197,14 @@ def _mean(samples: Mapping[str, NDArray[np.float64]]) -> dict[str, float] | None
 class Options:
     """Accuracy of the predicted crossing order."""
 
-    scenes: Path = Path("out/scenes.npz")
-    """The scenes file; `python -m data.build` makes it."""
+    scenes: tuple[Path, ...] = PAPERS_SCENES
+    """Scenes that ship (names), or scenes files, which `python -m data.build` makes; of one place or several."""
+    map: tuple[str, ...] = ()
+    """The maps (files) of scenes on maps that do not ship."""
     split: Literal["development", "validation"] = "development"
     """What to measure on; validation is for the report only."""
-    policies: tuple[str, ...] = ("gail", "ppo", "gap", "idm_calibrated")
-    """Names of shipped policies, or policy files."""
+    policies: tuple[str, ...] = ("gail", "ppo", "gap", "idm_calibrated", "constant_velocity")
+    """Names of shipped policies or rules, or policy files."""
     out: Path = Path("experiments/results")
     """The folder of the results file."""
 
@@ -209,7 +212,7 @@ class Options:
 def main(options: Options) -> int:
     """Measures as told, prints the tables, writes the results; returns the exit status."""
     try:
-        moments, refused = moments_of(Scenes.load(options.scenes).select(options.split))
+        moments, refused = moments_in(load_places(options.scenes, options.map), options.split)
         results = order_results([Predictor.load(policy) for policy in options.policies], moments)
         content = {"split": options.split, "refused": len(refused), **results}
         print(order_table(results))

@@ -31,15 +31,17 @@ from intersection_env.evaluation.intervals import COVERAGE, RESAMPLES
 from intersection_env.plots.files import write_figure
 from intersection_env.policies.file import PolicyFile
 from intersection_env.policies.named import policy_path
-from intersection_env.scenes.scenes import Scenes
+from intersection_env.scenes.places import PAPERS_SCENES, load_places
 
 
 @dataclass(frozen=True)
 class Options:
     """Accuracy and calibration of gap decisions."""
 
-    scenes: Path = Path("out/scenes.npz")
-    """The scenes file; `python -m data.build` makes it."""
+    scenes: tuple[Path, ...] = PAPERS_SCENES
+    """Scenes that ship (names), or scenes files, which `python -m data.build` makes; of one place or several."""
+    map: tuple[str, ...] = ()
+    """The maps (files) of scenes on maps that do not ship."""
     policy: str = "gap"
     """A policy file with a gap network, or the name of a shipped one."""
     split: Literal["development", "validation"] = "development"
@@ -102,15 +104,17 @@ def main(options: Options) -> int:
     try:
         if options.folds and options.figure:
             raise ValueError("--figure shows one network, and with --folds there are several; leave one of them out")
-        scenes = Scenes.load(options.scenes)
+        places = load_places(options.scenes, options.map)
         content: dict[str, Any] = {"bins": BINS, "resamples": RESAMPLES, "coverage": COVERAGE}
         if options.folds:
-            name, samples = "folds", gap_samples(scenes)[0]
+            name, samples = "folds", gap_samples(places)[0]
             content |= {"folds": options.folds, "foes": on_folds(samples, options.folds, GapSettings())}
         else:
             name, path = options.split, policy_path(options.policy)
             network = gap_network(PolicyFile.read(path))
-            train, test = (gap_samples(scenes.select(split))[0] for split in ("train", options.split))
+            train, test = (
+                gap_samples([place.select(split) for place in places])[0] for split in ("train", options.split)
+            )
             content |= {"split": options.split, "policy": path.name, "foes": on_split(network, train, test)}
             if options.figure:
                 _draw(network, test.select("all"), content["foes"], options.figure)

@@ -120,8 +120,13 @@ def compare(tallies: Mapping[str, Tally]) -> dict[str, Any]:
     return {"recordings": count, **sizes, "base_rate": base_rate, "models": models}
 
 
-def _interval(values: Floats) -> dict[str, float]:
-    """The value itself, first, and the interval of the resamples behind it; undefined resamples are left out."""
+def _interval(values: Floats) -> dict[str, float] | None:
+    """The value itself, first, and the interval of the resamples behind it; undefined resamples are left out.
+
+    None where the value itself is undefined, as there is nothing to measure.
+    """
+    if np.isnan(values[0]):
+        return None
     low, high = np.nanquantile(values[1:], (0.5 - 0.5 * COVERAGE, 0.5 + 0.5 * COVERAGE))
     return {"value": round(float(values[0]), 4), "low": round(float(low), 4), "high": round(float(high), 4)}
 

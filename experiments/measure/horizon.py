@@ -1,4 +1,6 @@
-"""How far predictions are off over 10 s, in distance and in time loss: the paper's two plots, with more baselines.
+"""How far predictions are off over 10 s and until vehicles are last seen, in distance and in time loss.
+
+The paper's two plots, with more baselines, and what its choice of vehicles leaves out.
 
 python -m experiments.horizon                        on the development recordings
 python -m experiments.horizon --split validation     for the report, once
@@ -19,31 +21,47 @@ from tqdm import tqdm
 from experiments.results_files import write_result
 from experiments.show.horizon import QUANTITIES, errors_text, plot_errors
 from intersection_env.constants import DT, STEPS
-from intersection_env.evaluation.errors import POPULATIONS, Errors, Forecaster, error_figures, errors
+from intersection_env.evaluation.errors import (
+    AT_HORIZON,
+    LAST_SEEN,
+    UNTIL_LAST_SEEN,
+    Errors,
+    Floats,
+    Forecaster,
+    MaskedFloats,
+    error_figures,
+    errors,
+    mean_speed,
+)
 from intersection_env.evaluation.intervals import interval
-from intersection_env.evaluation.moments import Moment, moments_of
+from intersection_env.evaluation.moments import HORIZONS, Moment
+from intersection_env.evaluation.places import moments_in
 from intersection_env.plots.files import write_figure
 from intersection_env.prediction.predictor import Predictor
-from intersection_env.scenes.scenes import Scenes
+from intersection_env.scenes.places import PAPERS_SCENES, load_places
 
-Floats = NDArray[np.float64]
+Names = NDArray[np.str_]
 
-REFERENCES = ("idm", "idm_calibrated")
+REFERENCES = ("idm", "idm_calibrated", "constant_velocity")
 """Models that the others are compared with, as a ratio of errors on the same samples."""
 LAST = STEPS  # 10 s
 FIGURES: dict[str, Callable[[Floats], float]] = {
     "rmse": lambda values: float(np.sqrt(np.mean(values**2))),
     "mad": lambda values: float(np.median(np.abs(values))),
     "q80": lambda values: float(np.quantile(np.abs(values), 0.8)),
+    "bias": lambda values: float(np.mean(values)),
 }
+RATIOS = ("rmse", "mad")
 
 
 @dataclass(frozen=True)
 class Options:
     """Errors of distance and time loss over the horizon."""
 
-    scenes: Path = Path("out/scenes.npz")
-    """The scenes file; `python -m data.build` makes it."""
+    scenes: tuple[Path, ...] = PAPERS_SCENES
+    """Scenes that ship (names), or scenes files, which `python -m data.build` makes; of one place or several."""
+    map: tuple[str, ...] = ()
+    """The maps (files) of scenes on maps that do not ship."""
     policies: tuple[str, ...] = ("gail", "ppo", "gap", "idm_calibrated", "constant_velocity")
     """Names of shipped policies or rules, or policy files."""
     split: Literal["development", "validation"] = "development"
@@ -55,26 +73,51 @@ class Options:
 
 
 def horizon_results(found: dict[str, Errors]) -> dict[str, Any]:
-    """What the errors of several models on the same moments come to.
+    """What the errors of several models on the same moments come to, of "distance" [m] and "time_loss" [s].
 
     Returns:
-        "time" [s]; under "models", by model and population, `rmse`, `mad` (median of the absolute error), `q80` (80 %
-        quantile of it), `median_deviation` (from the median error, the other reading of MAD) and `mean` at each time,
-        of "distance" [m] and "time_loss" [s], with the "count" of samples; None where there are none. Under "at_10s",
-        by model, intervals over recordings for those recorded at the start, of the same figures and of the ratios to
-        each of `REFERENCES`.
+        "time" [s]. Under "models", by model: for each of `AT_HORIZON`, the figures `rmse`, `mad` (median of the
+        absolute error), `q80` (80 % quantile of it), `median_deviation` (from the median error, the other reading of
+        MAD) and `bias` (mean error) at each time, with the "count" of samples; the same "until_last_seen", one each,
+        and for those "last_seen" within the 2 s up to each of its "horizon" [s]; None where there are no samples; and
+        their "speed_behind" the junction, "predicted" and "recorded" [m/s]. Under "at_10s" for those
+        recorded at the start and after 10 s, and under "until_last_seen", by model: intervals over recordings of the
+        figures in `FIGURES`, and of the ratios to each of `REFERENCES`.
     """
-    models = {name: {one: _curves(of_model, one) for one in POPULATIONS} for name, of_model in found.items()}
-    at_10s = {name: _at_10s(found, name) for name in found}
-    return {"time": [round(k * DT, 1) for k in range(STEPS + 1)], "models": models, "at_10s": at_10s}
+    return {
+        "time": [round(k * DT, 1) for k in range(STEPS + 1)],
+        "models": {name: _of_model(of_model) for name, of_model in found.items()},
+        "at_10s": {name: _intervals(found, name, _at_10s) for name in found},
+        UNTIL_LAST_SEEN: {name: _intervals(found, name, Errors.until_last_seen) for name in found},
+    }
 
 
-def _curves(found: Errors, population: str) -> dict[str, Any]:
-    chosen = [found.of(population, step) for step in range(STEPS + 1)]
-    curves: dict[str, Any] = {"count": [int(one.sum()) for one in chosen]}
-    for quantity in QUANTITIES:
-        values = getattr(found, quantity)
-        rows = [_figures(values[step, one]) if one.any() else None for step, one in enumerate(chosen)]
+def _of_model(found: Errors) -> dict[str, Any]:
+    of = {one: [found.of(one, step) for step in range(STEPS + 1)] for one in AT_HORIZON}
+    result: dict[str, Any] = {
+        one: _curves({key: [getattr(found, key)[k, at] for k, at in enumerate(chosen)] for key in QUANTITIES})
+        for one, chosen in of.items()
+    }
+    last = {key: found.until_last_seen(key) for key in QUANTITIES}
+    everybody = _curves({key: [values.compressed()] for key, values in last.items()})
+    result[UNTIL_LAST_SEEN] = {
+        "count": everybody["count"][0],
+        **{key: {name: values[0] for name, values in everybody[key].items()} for key in QUANTITIES},
+    }
+    groups = [found.seen_up_to(horizon) for horizon in HORIZONS]
+    by_time = {key: [values[group].compressed() for group in groups] for key, values in last.items()}
+    result[LAST_SEEN] = {"horizon": list(HORIZONS), **_curves(by_time)}
+    speeds = {"predicted": found.behind, "recorded": found.recorded_behind}
+    scored = ~np.ma.getmaskarray(found.last_seen())
+    result["speed_behind"] = {key: mean_speed(one[:, scored]) for key, one in speeds.items()}
+    return result
+
+
+def _curves(samples: dict[str, list[Floats]]) -> dict[str, Any]:
+    """Figures of each of a list of samples, by quantity; None where there are none."""
+    curves: dict[str, Any] = {"count": [len(values) for values in samples[QUANTITIES[0]]]}
+    for quantity, groups in samples.items():
+        rows = [_figures(values) if len(values) else None for values in groups]
         names = next(row for row in reversed(rows) if row is not None) if any(rows) else {}
         curves[quantity] = {name: [None if row is None else row[name] for row in rows] for name in names}
     return curves
@@ -87,29 +130,39 @@ def _figures(values: Floats) -> dict[str, float]:
         "mad": found.mad,
         "q80": found.quantile_80,
         "median_deviation": float(np.median(np.abs(values - np.median(values)))),
-        "mean": float(values.mean()),
+        "bias": found.bias,
     }
 
 
-def _at_10s(found: dict[str, Errors], name: str) -> dict[str, Any]:
-    result: dict[str, Any] = {}
+def _at_10s(found: Errors, quantity: str) -> MaskedFloats:
+    """(sample,), masked where it is not recorded at the start and then."""
+    values: Floats = getattr(found, quantity)
+    return np.ma.masked_array(values[LAST], ~found.of("recorded", LAST))
+
+
+def _intervals(
+    found: dict[str, Errors], name: str, samples: Callable[[Errors, str], MaskedFloats]
+) -> dict[str, dict[str, float]]:
+    """Of a model's figures, and of their ratios to other models' figures."""
+    result: dict[str, dict[str, float]] = {}
+    others = [other for other in REFERENCES if other in found and other != name]
     for quantity in QUANTITIES:
-        result |= {f"{quantity}_{figure}": _interval(found, [name], quantity, figure) for figure in FIGURES}
-        for other in REFERENCES:
-            if other in found and other != name:
-                result |= {
-                    f"{quantity}_{figure}_to_{other}": _interval(found, [name, other], quantity, figure)
-                    for figure in ("rmse", "mad")
-                }
+        of = {one: samples(found[one], quantity) for one in (name, *others)}
+        chosen = ~np.ma.getmaskarray(of[name])
+        recording = found[name].recording[chosen]
+        rows = {one: values.data[chosen] for one, values in of.items()}
+        for figure in FIGURES:
+            result[f"{quantity}_{figure}"] = _interval(recording, [rows[name]], figure)
+        for other in others:
+            for figure in RATIOS:
+                pair = [rows[name], rows[other]]
+                result[f"{quantity}_{figure}_to_{other}"] = _interval(recording, pair, figure)
     return result
 
 
-def _interval(found: dict[str, Errors], names: list[str], quantity: str, figure: str) -> dict[str, float]:
-    """Of a model's figure, or of the ratio of two models' figures."""
-    first = found[names[0]]
-    chosen = first.of("recorded", LAST)
-    rows = np.stack([getattr(found[name], quantity)[LAST, chosen] for name in names], axis=1)
-    recording, of = first.recording[chosen], FIGURES[figure]
+def _interval(recording: Names, errors: list[Floats], figure: str) -> dict[str, float]:
+    """Of the figure of one model's errors (sample,), or of the ratio of two models' figures."""
+    rows, of = np.stack(errors, axis=1), FIGURES[figure]
 
     def statistic(samples: Floats) -> float:
         ours, *reference = (of(model) for model in samples.T)
@@ -131,7 +184,7 @@ def measured(forecasters: Sequence[Forecaster], moments: Sequence[Moment]) -> di
 def main(options: Options) -> int:
     """Measures as told, prints the table, writes the results; returns the exit status."""
     try:
-        moments, refused = moments_of(Scenes.load(options.scenes).select(options.split))
+        moments, refused = moments_in(load_places(options.scenes, options.map), options.split)
         results = measured([Predictor.load(policy) for policy in options.policies], moments)
         print(errors_text(results))
         if options.figure:

@@ -21,11 +21,12 @@ from numpy.typing import NDArray
 from experiments.results_files import write_result
 from experiments.show.maneuver_gain import gain_table, plot_gain
 from intersection_env.evaluation.intervals import interval
-from intersection_env.evaluation.moments import Moment, contested, moments_of, thinned
+from intersection_env.evaluation.moments import Moment, contested, thinned
+from intersection_env.evaluation.places import moments_in
 from intersection_env.plots.files import write_figure
 from intersection_env.prediction.maneuvers import COUNT_LIMIT, LIMIT, rank_maneuvers
 from intersection_env.prediction.predictor import Predictor
-from intersection_env.scenes.scenes import Scenes
+from intersection_env.scenes.places import PAPERS_SCENES, load_places
 from intersection_env.traffic import Traffic
 
 SHARES = tuple(tenth / 10 for tenth in range(1, 11))  # of the vehicles that take instructions
@@ -147,8 +148,10 @@ def _rounded(figure: Mapping[str, float]) -> dict[str, float]:
 class Options:
     """Feasible crossing orders and what the best of them saves."""
 
-    scenes: Path = Path("out/scenes.npz")
-    """The scenes file; `python -m data.build` makes it."""
+    scenes: tuple[Path, ...] = PAPERS_SCENES
+    """Scenes that ship (names), or scenes files, which `python -m data.build` makes; of one place or several."""
+    map: tuple[str, ...] = ()
+    """The maps (files) of scenes on maps that do not ship."""
     policy: str = "gail"
     """A shipped policy, a rule, or a policy file."""
     split: Literal["development", "validation"] = "development"
@@ -168,7 +171,7 @@ class Options:
 def main(options: Options) -> int:
     """Measures as told, prints the table, writes the results; returns the exit status."""
     try:
-        moments, _ = moments_of(Scenes.load(options.scenes).select(options.split))
+        moments, _ = moments_in(load_places(options.scenes, options.map), options.split)
         chosen = thinned(contested(moments), options.moments)
         results = maneuver_results(Predictor.load(options.policy), chosen, options.seed, options.limit)
         print(gain_table(results))

@@ -26,9 +26,10 @@ from experiments.show.validation_run import plot_accelerations, runs_text
 from imitation.expert import expert_steps
 from intersection_env.constants import ACCELERATION
 from intersection_env.evaluation.intervals import COVERAGE
+from intersection_env.maps.intersection import Intersection
 from intersection_env.plots.files import write_figure
 from intersection_env.prediction.predictor import Predictor
-from intersection_env.scenes.scenes import Scenes
+from intersection_env.scenes.places import PAPERS_SCENES, load_places
 
 SEED = 2**41  # of no training
 VEHICLES = 12
@@ -41,8 +42,11 @@ EDGES = np.linspace(-ACCELERATION, ACCELERATION, 121)  # [m/s²] of the histogra
 class Options:
     """Driving networks in the closed loop."""
 
-    scenes: Path = Path("out/scenes.npz")
-    """The scenes file, whose recorded accelerations stand beside; `python -m data.build` makes it."""
+    scenes: tuple[Path, ...] = PAPERS_SCENES
+    """Scenes that ship (names), or scenes files, on whose maps is driven, one after the other, and whose recorded
+    accelerations stand beside."""
+    map: tuple[str, ...] = ()
+    """The maps (files) of scenes on maps that do not ship."""
     policies: tuple[str, ...] = ("ppo", "gail")
     """Names of shipped policies, or policy files, with a driving network."""
     gaps: tuple[str, ...] = ("gap", "critical_gap")
@@ -50,13 +54,17 @@ class Options:
     split: Literal["development", "validation"] = "development"
     """Whose recorded accelerations."""
     out: Path = Path("experiments/results")
-    """The folder of the results file."""
+    """The folder of the results file, "closed_loop.json"; of several places one each, "closed_loop_MAP.json"."""
     figure: Path | None = None
     """Where to draw the accelerations (.png, .svg, .pdf)."""
 
 
 def closed_loop_results(
-    predictors: Sequence[Predictor], gaps: Mapping[str, str], recorded: NDArray[np.float32], worlds: int = WORLDS
+    predictors: Sequence[Predictor],
+    gaps: Mapping[str, str],
+    recorded: NDArray[np.float32],
+    worlds: int = WORLDS,
+    map: str | Path | Intersection = "bendplatz",
 ) -> dict[str, Any]:
     """How these drivers do.
 
@@ -65,6 +73,7 @@ def closed_loop_results(
         gaps: who decides about gaps, in turn: what to call them, and what `ClosedLoopWorlds` calls them.
         recorded: (step,) accelerations of recorded vehicles [m/s²].
         worlds: of the longer run.
+        map: where they drive.
 
     Returns:
         Under "drivers", by predictor and by who decides about gaps: the figures of one run of 2000 s and, under
@@ -87,8 +96,10 @@ def closed_loop_results(
                 def watch(data: TensorDict, seen: list[NDArray[np.floating]] = seen) -> None:
                     seen.append(ACCELERATION * torch.tanh(data["action"]).numpy().ravel())
 
-                once = validation_run(policy, gap=gap, seed=SEED, vehicles=VEHICLES)
-                longer = validation_run(policy, gap=gap, seed=SEED, vehicles=VEHICLES, worlds=worlds, watch=watch)
+                once = validation_run(policy, map=map, gap=gap, seed=SEED, vehicles=VEHICLES)
+                longer = validation_run(
+                    policy, map=map, gap=gap, seed=SEED, vehicles=VEHICLES, worlds=worlds, watch=watch
+                )
                 drivers[predictor.name][name] = dataclasses.asdict(once) | {"longer": _longer(longer)}
                 if predictor.name not in accelerations:
                     accelerations[predictor.name] = _spread(np.concatenate(seen))
@@ -123,16 +134,21 @@ def main(options: Options) -> int:
     """Measures as told, prints the table, writes the results; returns the exit status."""
     torch.set_num_threads(1)  # such small networks gain nothing from more
     try:
-        recorded = expert_steps(Scenes.load(options.scenes), options.split).acceleration
-        results = closed_loop_results(
-            [Predictor.load(one) for one in options.policies],
-            dict(zip(options.gaps, options.gaps, strict=True)),
-            recorded,
-        )
-        print(f"{WORLDS} worlds of {VEHICLES} vehicles, {STEPS} steps\n{runs_text(results)}")
-        if options.figure:
-            write_figure(plot_accelerations(results, {name: name for name in results["drivers"]}), options.figure)
-        write_result(options.out / "closed_loop.json", results)
+        places = load_places(options.scenes, options.map)
+        if options.figure and len(places) > 1:
+            raise ValueError("--figure shows one place, and there are several --scenes; leave one of them out")
+        for place in places:
+            name = place.intersection.name
+            results = closed_loop_results(
+                [Predictor.load(one) for one in options.policies],
+                dict(zip(options.gaps, options.gaps, strict=True)),
+                expert_steps(place, options.split).acceleration,
+                map=place.intersection,
+            )
+            print(f"{name}: {WORLDS} worlds of {VEHICLES} vehicles, {STEPS} steps\n{runs_text(results)}")
+            if options.figure:
+                write_figure(plot_accelerations(results, {one: one for one in results["drivers"]}), options.figure)
+            write_result(options.out / f"closed_loop{'' if len(places) == 1 else f'_{name}'}.json", results)
     except (OSError, ValueError) as error:
         print(f"error: {error}", file=sys.stderr)
         return 1

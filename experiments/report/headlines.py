@@ -11,6 +11,9 @@ from experiments.show.tables import in_percent, in_unit
 
 Json = Mapping[str, Any]
 
+MEASURED_AS = {"gap": "idm"}
+"""Policies that measurements know by another name: the paper's IDM with our gap network."""
+
 percent = partial(in_percent, unit="%")
 
 
@@ -68,8 +71,21 @@ def headlines(results: Json) -> Iterator[Row]:
     met = lost["value"] <= 1.2
     yield Row("time-loss RMSE at 10 s", "2.0 s", in_unit(lost, "s"), "at most 1.2 s", met, commands["horizon"])
     yield Row("time-loss 80 % quantile", "2.3 s", in_unit(gail["time_loss_q80"], "s"), command=commands["horizon"])
+    yield from _until_last_seen_rows(results["horizon_validation"], results["default"]["default"], commands["horizon"])
     yield from _closed_loop_rows(results["closed_loop"]["drivers"]["ppo"]["gap"])
     yield from _runtime_rows(results["runtime"])
+
+
+def _until_last_seen_rows(horizon: Json, default: str, command: str) -> Iterator[Row]:
+    """The default's errors, of everyone recorded at the start when it was last seen, beside constant velocity's."""
+    row = horizon["until_last_seen"][MEASURED_AS.get(default, default)]
+    for key, name in (("rmse", "RMSE"), ("mad", "MAD")):
+        of_default = in_unit(row[f"distance_{key}"], "m")
+        yield Row(f"until last seen, {name} of the default ({default})", "", of_default, command=command)
+        ratio = row[f"distance_{key}_to_constant_velocity"]
+        met = ratio["value"] < 1.0
+        yield Row(f"... its {name} to constant velocity's", "", in_unit(ratio), "below 1", met, command)
+    yield Row("... its bias", "", in_unit(row["distance_bias"], "m"), command=command)
 
 
 def _closed_loop_rows(run: Json) -> Iterator[Row]:

@@ -26,7 +26,7 @@ figure { margin: 1rem 0; } svg { max-width: 100%; height: auto; background: #fff
 """
 
 
-def page(text: str, folder: Path) -> str:
+def page(text: str, folder: Path, title: str = "report") -> str:
     """The report as an HTML page that needs no other file; pictures are taken from the folder.
 
     Raises:
@@ -42,7 +42,7 @@ def page(text: str, folder: Path) -> str:
 
     body = re.sub(r'<p><img alt="([^"]*)" src="([^"]*)" /></p>', picture, body)
     return (
-        f'<!doctype html>\n<html lang="en">\n<head><meta charset="utf-8"><title>intersection_env: report</title>\n'
+        f'<!doctype html>\n<html lang="en">\n<head><meta charset="utf-8"><title>intersection_env: {title}</title>\n'
         f'<meta name="viewport" content="width=device-width, initial-scale=1"><style>{STYLE}</style></head>\n'
         f"<body>\n{body}\n</body></html>\n"
     )

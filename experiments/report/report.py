@@ -17,10 +17,13 @@ from experiments.report.summary import summary
 from experiments.report.tables import (
     NAMES,
     closed_loop_table,
+    default_table,
     errors_table,
     extrapolated_table,
+    last_seen_table,
     replay_table,
     report_table,
+    until_last_seen_table,
 )
 from experiments.results_files import results_in
 from experiments.show import ablations
@@ -28,6 +31,7 @@ from experiments.show.crossing_order import order_table
 from experiments.show.gap import accuracy_table
 from experiments.show.horizon import plot_errors
 from experiments.show.maneuver_gain import gain_table, plot_gain
+from experiments.show.places import place_table
 from experiments.show.runtime import plot_runtimes, runtimes_text
 from experiments.show.validation_run import plot_accelerations
 from intersection_env.files import written_whole
@@ -81,6 +85,7 @@ def report(results: Json, about: Json, seconds: Mapping[str, float]) -> str:
         _introduction(about, seconds),
         report_table(("figure", "paper, on inD", "ours, with 95 % interval", "bar", "command"), rows),
         *_sections(results),
+        *_places(results.get("places")),
         *_ablations(results.get("ablations")),
         "## Time taken",
         report_table(("stage", "s"), [(name, f"{taken:.0f}") for name, taken in seconds.items()]),
@@ -112,6 +117,21 @@ def _sections(results: Json) -> Iterator[str]:
     yield accuracy_table(results["gap_validation"])
     yield "## Crossing order\n\nValidation, no priorities assigned:"
     yield order_table(results["order_validation"])
+    yield (
+        "## Until last seen\n\nWho is recorded at the start and after 10 s is mostly who waited: who drives off has"
+        " left the view. Here everyone recorded at the start counts, at the last moment within 10 s at which it is"
+        " recorded (1 s later at least), validation:"
+    )
+    yield until_last_seen_table(validation)
+    yield "By when they were last seen:"
+    yield last_seen_table(validation)
+    yield "The same on development, with every seed:"
+    yield until_last_seen_table(development)
+    yield (
+        "The default policy is the one of least RMSE until last seen on development, of those that pass the gates"
+        " (`intersection_env/evaluation/gates.py`):"
+    )
+    yield default_table(results["default"])
     yield "## Distance and time loss\n\nAfter 10 s, vehicles recorded at the start and then, validation:"
     yield errors_table(validation)
     yield "![Errors over the horizon](figures/horizon.svg)"
@@ -129,6 +149,15 @@ def _sections(results: Json) -> Iterator[str]:
     yield "## Maneuvers\n\nWhat the best safe crossing order saves against no intervention, validation:"
     yield gain_table(results["maneuvers_validation"])
     yield "![Gain over the share of cooperative vehicles](figures/maneuvers.svg)"
+
+
+def _places(found: Json | None) -> Iterator[str]:
+    """Each place by itself, if `make reproduce` has learned from several."""
+    if found is None or len(found["validation"]) < 2:
+        return
+    yield "## Each place\n\nWhat is above is of the first. After 10 s, validation:"
+    for name, of_place in found["validation"].items():
+        yield f"**{name}**, {of_place['moments']} moments\n\n{place_table(of_place['rows'])}"
 
 
 def _ablations(found: Json | None) -> Iterator[str]:

@@ -21,8 +21,9 @@ def summary(results: Json, about: Json, seconds: Mapping[str, float]) -> dict[st
 
     Returns:
         Shares between 0 and 1, metres, seconds. "data", of validation: "gap", with recorded foes, "order" of pairs
-        recorded at the start, "distance" and "time_loss" of vehicles recorded at the start and at 10 s; "closed_loop",
-        PPO's run of 2000 s with the gap network; "runtime" and "seconds".
+        recorded at the start, "distance" and "time_loss" of vehicles recorded at the start and at 10 s, and the
+        distance's errors "until_last_seen"; "default", the default policy's name; "closed_loop", PPO's run of 2000 s
+        with the gap network; "runtime" and "seconds".
     """
     at_10s = {name: row for name, row in results["horizon_validation"]["at_10s"].items() if name in MODELS}
     run = results["closed_loop"]["drivers"]["ppo"]["gap"]
@@ -37,6 +38,12 @@ def summary(results: Json, about: Json, seconds: Mapping[str, float]) -> dict[st
         "time_loss": {
             name: {"rmse_10s": row["time_loss_rmse"]["value"], "q80_10s": row["time_loss_q80"]["value"]}
             for name, row in at_10s.items()
+        },
+        "default": results["default"]["default"],
+        "until_last_seen": {
+            name: {key: row[f"distance_{key}"]["value"] for key in ("rmse", "mad", "bias")}
+            for name, row in results["horizon_validation"]["until_last_seen"].items()
+            if name in MODELS
         },
         "closed_loop": {
             "reward": run["reward"],
@@ -55,8 +62,8 @@ def _gap(foes: Json) -> dict[str, Any]:
     lead = models["sumo"]["network_minus"]["accuracy"]
     return {
         "frame_accuracy": network["accuracy"]["value"],
-        "balanced_accuracy": network["balanced_accuracy"]["value"],
-        "pair_accuracy": network["pair_accuracy"]["value"],
+        "balanced_accuracy": _value(network["balanced_accuracy"]),
+        "pair_accuracy": _value(network["pair_accuracy"]),
         "base_rate": foes["base_rate"]["value"],
         "sumo_rule": models["sumo"]["accuracy"]["value"],
         "sumo_kinematic": models["sumo_kinematic"]["accuracy"]["value"],
@@ -67,6 +74,11 @@ def _gap(foes: Json) -> dict[str, Any]:
             "minus_sumo_rule": [lead["low"], lead["high"]],
         },
     }
+
+
+def _value(figure: Json | None) -> Any:
+    """None where there is nothing to measure: no yielder went first, say."""
+    return None if figure is None else figure["value"]
 
 
 def _order(models: Json) -> dict[str, float]:

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from functools import partial
 from typing import Any
 
-from experiments.show.horizon import ERRORS
+from experiments.show.horizon import UNTIL_LAST_SEEN, speeds_behind
 from experiments.show.tables import in_unit, markdown_table
 
 NAMES = {
@@ -17,6 +17,7 @@ NAMES = {
     "constant_velocity": "constant velocity",
     "idm_critical_gap": "IDM, critical gaps",
     "sumo": "SUMO",
+    "gap": "IDM (paper)",
 }
 
 Json = Mapping[str, Any]
@@ -32,12 +33,55 @@ def called(name: str) -> str:
 
 def errors_table(found: Json) -> str:
     """Errors after 10 s of vehicles recorded at the start and then; and who is missing."""
-    heads = ("", "RMSE [m]", "MAD [m]", "time loss RMSE [s]", "80 % [s]", "RMSE to calibrated IDM's")
+    heads = (
+        *("", "RMSE [m]", "MAD [m]", "bias [m]", "time loss RMSE [s]", "80 % [s]", "RMSE to calibrated IDM's"),
+        "RMSE to constant velocity's",
+    )
+    keys = ("distance_rmse", "distance_mad", "distance_bias", "time_loss_rmse", "time_loss_q80")
     rows = []
     for name, row in found["at_10s"].items():
-        ratio = in_unit(row.get("distance_rmse_to_idm_calibrated"))
-        rows.append((called(name), *(in_unit(row[key]) for key in ERRORS), ratio))
+        ratios = (in_unit(row.get(f"distance_rmse_to_{other}")) for other in ("idm_calibrated", "constant_velocity"))
+        rows.append((called(name), *(in_unit(row[key]) for key in keys), *ratios))
     return report_table(heads, rows) + "".join(f"\n\n{name}: {why}." for name, why in found["missing"].items())
+
+
+def until_last_seen_table(found: Json) -> str:
+    """Errors of everyone recorded at the start when it was last seen, and speeds behind the junction."""
+    heads = ("", "RMSE [m]", "MAD [m]", "bias [m]", "RMSE to constant velocity's", "MAD to constant velocity's")
+    rows = []
+    for name, row in found["until_last_seen"].items():
+        ratios = (in_unit(row.get(f"distance_{key}_to_constant_velocity")) for key in ("rmse", "mad"))
+        cells = (*(in_unit(row[key]) for key in UNTIL_LAST_SEEN), *ratios, speeds_behind(found["models"][name]))
+        rows.append((called(name), *cells))
+    return report_table((*heads, "behind the junction, recorded [m/s]"), rows)
+
+
+def last_seen_table(found: Json) -> str:
+    """The same errors by when who was scored was last seen."""
+    some = next(iter(found["models"].values()))["last_seen"]
+    rows = []
+    for name, of_model in found["models"].items():
+        errors = of_model["last_seen"]["distance"]
+        figures = zip(*(errors[key] for key in ("rmse", "mad", "bias")), strict=True)
+        rows.append((called(name), *("" if one[0] is None else " / ".join(f"{x:.1f}" for x in one) for one in figures)))
+    heads = ("RMSE / MAD / bias [m], last seen", *(f"to {horizon:.0f} s" for horizon in some["horizon"]))
+    return report_table(heads, [*rows, ("samples", *map(str, some["count"]))])
+
+
+def default_table(found: Json) -> str:
+    """What the default was chosen by: each policy's errors until last seen, and what the gates say."""
+    heads = (
+        *("", "RMSE [m]", "MAD [m]", "bias [m]", "least speed on an empty road, to the calibrated IDM's"),
+        *("disobeys", "collisions [% of predictions]", "may be the default"),
+    )
+    rows = []
+    for name, row in found["policies"].items():
+        verdict = "no" if row["refusals"] else "**is the default**" if name == found["default"] else "yes"
+        errors = (f"{row['until_last_seen'][key]:.2f}" for key in ("rmse", "mad", "bias"))
+        share = f"{row['empty_road']:.2f}"
+        rows.append((called(name), *errors, share, str(row["disobeys"]), f"{100.0 * row['collisions']:.1f}", verdict))
+    steady = (f"{found['constant_velocity'][key]:.2f}" for key in ("rmse", "mad", "bias"))
+    return report_table(heads, [*rows, (called("constant_velocity"), *steady, "", "", "", "")])
 
 
 def extrapolated_table(found: Json) -> str:
@@ -47,9 +91,10 @@ def extrapolated_table(found: Json) -> str:
         curves = found["models"][name]["extrapolated"]
         if not curves["count"][-1]:
             continue
-        figures = [curves["distance"]["rmse"], curves["distance"]["mad"], curves["time_loss"]["rmse"]]
+        distance, lost = curves["distance"], curves["time_loss"]
+        figures = [distance["rmse"], distance["mad"], distance["bias"], lost["rmse"]]
         rows.append((NAMES[name], *(f"{one[-1]:.2f}" for one in figures), str(curves["count"][-1])))
-    return report_table(("", "RMSE [m]", "MAD [m]", "time loss RMSE [s]", "samples"), rows)
+    return report_table(("", "RMSE [m]", "MAD [m]", "bias [m]", "time loss RMSE [s]", "samples"), rows)
 
 
 def replay_table(found: Json) -> str:

@@ -29,7 +29,7 @@ from experiments.reproduce.workspace import Options, Workspace
 from experiments.results_files import write_result
 from experiments.show.ablations import LEAD_MOMENTS, ablation_tables
 from imitation.gail import PROFILES as GAIL_PROFILES
-from imitation.replay_error import replay_error
+from imitation.replay_error import constant_velocity_network, replay_error
 from imitation.torch_model import TorchPredictor
 from intersection_env.evaluation.errors import Forecaster, errors
 from intersection_env.evaluation.moments import Moment, contested, moments_of, thinned
@@ -51,6 +51,8 @@ GAIL = {
     "from random networks, without PPO": ["--ppo", "None"],
 }
 """Options of `imitation.gail`, where they are not the default ones; {gap} is the gap network's policy file."""
+CONSTANT_VELOCITY = "constant velocity"
+STEADY = Predictor(PolicyFile("critical_gap", "constant_velocity"), CONSTANT_VELOCITY)
 DEFAULT_GAP, DEFAULT_GAIL = "gap network, nothing changed", "GAIL, nothing changed"
 IN_CORE, IN_TORCH, ACROSS = "in one's own lane", "the same, as plain torch operations", "who stands across the path too"
 
@@ -80,7 +82,7 @@ class Ablations:
     def _trained_gaps(self) -> dict[str, Path]:
         """The run of each gap network, the one with nothing changed first."""
         runs = {name: self.workspace.run_of(f"ablation_gap_{place}") for place, name in enumerate(GAP)}
-        common = ["agents.gap", "default", "--scenes", str(self.workspace.scenes)]
+        common = ["agents.gap", "default", *self.workspace.arguments(self.workspace.places)]
         commands = {runs[name]: [*common, *changed] for name, changed in GAP.items()}
         self._train(commands, GAP_PROFILES["default"][1].epochs)
         return {DEFAULT_GAP: self.workspace.run_of("gap")} | runs
@@ -89,7 +91,7 @@ class Ablations:
         """The run of each driver, those with nothing changed first, with every seed."""
         runs = {name: self.workspace.run_of(f"ablation_gail_{place}") for place, name in enumerate(GAIL)}
         gap, (seed, *_) = str(self.workspace.policy("gap")), self.options.seeds
-        common = ["imitation.gail", "default", "--scenes", str(self.workspace.scenes)]
+        common = ["imitation.gail", "default", *self.workspace.arguments(self.workspace.places)]
         common += ["--decider", gap, "--seed", str(seed)]
         start = ["--ppo", str(self.workspace.run_of(f"ppo_{seed}"))]
         commands = {}
@@ -109,7 +111,7 @@ class Ablations:
     def _gaps(self, runs: Mapping[str, Path]) -> dict[str, Any]:
         """Per variant: how often frames are decided rightly, and what comes of it with the calibrated IDM."""
         idm = PolicyFile.read(self.workspace.policy("idm_calibrated"))
-        found = {}
+        found = {CONSTANT_VELOCITY: {"frames": None, **self._joint(STEADY, self._moments)}}
         for name, run in runs.items():
             policy = PolicyFile.read(run / "gap.policy")
             frames = policy.about["development"]
@@ -124,12 +126,19 @@ class Ablations:
         """Per variant: driving alone among recorded vehicles, predicting all, and how steadily that was learned.
 
         All are measured with the checkpoint that predicted best, so `last` [m] says what choosing it was worth: the
-        error of the last one, beside the `best`, as the training saw them (root of the mean square over 2 to 10 s).
+        error of the last one, beside the `best`, as the training saw them (`distance_error`).
         """
         start = self.workspace.run_of(f"ppo_{self.options.seeds[0]}")
         policies = {"PPO alone, without GAIL": start / "ppo.policy"}
         policies |= {name: run / "gail.policy" for name, run in runs.items()}
-        found = {}
+        steady = replay_error(constant_velocity_network(), self._scenes, "development")
+        found = {
+            CONSTANT_VELOCITY: {
+                "alone": dataclasses.asdict(steady),
+                "checkpoints": None,
+                **self._joint(STEADY, self._moments),
+            }
+        }
         for name, path in policies.items():
             policy = PolicyFile.read(path)
             alone = replay_error(driving_network(policy), self._scenes, "development")
@@ -146,6 +155,7 @@ class Ablations:
         """With whom to follow changed, in predictions; no driver has been trained with it."""
         policy = PolicyFile.read(self.workspace.policy("gail"))
         forecasters: tuple[Forecaster, ...] = (
+            STEADY,
             Predictor(policy, IN_CORE),
             TorchForecaster(IN_TORCH, policy, TorchPredictor),
             TorchForecaster(ACROSS, policy, AcrossPredictor),
@@ -154,14 +164,16 @@ class Ablations:
         return {one.name: self._joint(one, moments) for one in forecasters}
 
     def _joint(self, forecaster: Forecaster, moments: Sequence[Moment]) -> dict[str, Any]:
-        """Errors after 10 s of vehicles recorded at the start and then, and how often crossing orders are right."""
-        order = order_results([forecaster], moments)["recorded"]["models"][forecaster.name]
-        at_10s = horizon_results({forecaster.name: errors(forecaster, moments)})["at_10s"][forecaster.name]
-        return {"order": order["accuracy"], **at_10s}
+        """Errors of both populations, speeds behind the junction, and how often crossing orders are right."""
+        name = forecaster.name
+        order = order_results([forecaster], moments)["recorded"]["models"][name]
+        results = horizon_results({name: errors(forecaster, moments)})
+        both = {key: results[key][name] for key in ("at_10s", "until_last_seen")}
+        return {"order": order["accuracy"], **both, "speed_behind": results["models"][name]["speed_behind"]}
 
     @cached_property
     def _scenes(self) -> Scenes:
-        return Scenes.load(self.workspace.scenes)
+        return self.workspace.scenes
 
     @cached_property
     def _moments(self) -> list[Moment]:

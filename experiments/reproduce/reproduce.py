@@ -9,6 +9,7 @@ validation recordings are read by the last stages alone, for the report.
 
 from __future__ import annotations
 
+import json
 import shutil
 import time
 
@@ -17,12 +18,10 @@ import torch
 from experiments.report.report import write_report
 from experiments.reproduce.measurements import Measurements
 from experiments.reproduce.stages import exit_status_of
-from experiments.reproduce.trainings import Trainings
+from experiments.reproduce.trainings import TRAINED, Trainings
 from experiments.reproduce.workspace import Options, Workspace
+from intersection_env.files import written_whole
 from intersection_env.policies.named import POLICIES
-
-TRAINED = ("gap", "idm_calibrated", "ppo", "gail")
-"""Policies that ship."""
 
 
 def reproduce(options: Options) -> None:
@@ -35,13 +34,21 @@ def reproduce(options: Options) -> None:
     workspace = Workspace(options)
     Trainings(workspace).run()
     if options.ship:
-        for name in TRAINED:
-            shutil.copyfile(workspace.policy(name), POLICIES / f"{name}.policy")
-        print(f"written: {', '.join(TRAINED)} in {POLICIES}")
+        ship(workspace)
     if options.only == "everything":
         Measurements(workspace).run()
         write_report(options.out)
     print(f"done in {(time.perf_counter() - begin) / 60.0:.0f} min")
+
+
+def ship(workspace: Workspace) -> None:
+    """Copies the policies into the package, and says there which is the default."""
+    for name in TRAINED:
+        shutil.copyfile(workspace.policy(name), POLICIES / f"{name}.policy")
+    default = json.loads(workspace.default.read_text(encoding="utf-8"))["default"]
+    with written_whole(POLICIES / "default") as temporary:
+        temporary.write_text(f"{default}\n", encoding="utf-8")
+    print(f"written: {', '.join(TRAINED)} in {POLICIES}; the default is {default}")
 
 
 def main(options: Options) -> int:

@@ -1,10 +1,11 @@
-"""The trainings of `make reproduce`: scenes, gap network, calibrated IDM, PPO and GAIL."""
+"""The trainings of `make reproduce`: scenes, gap network, calibrated IDM, PPO and GAIL; and which is the default."""
 
 from __future__ import annotations
 
 import os
 import shutil
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 from agents.gap.train import PROFILES as GAP_PROFILES
@@ -13,18 +14,24 @@ from agents.ppo import PROFILES as PPO_PROFILES
 from agents.training.folder import file_hash
 from data.build import build
 from data.build import summary as scenes_summary
+from experiments.reproduce.default import default_of
 from experiments.reproduce.stages import run_module, run_trainings
 from experiments.reproduce.workspace import Workspace
+from experiments.results_files import write_result
 from imitation.gail import BETWEEN_MOMENTS
 from imitation.gail import PROFILES as GAIL_PROFILES
 from intersection_env.evaluation.errors import distance_error
+from intersection_env.evaluation.gates import LEAST_SPEED, MOST_COLLISIONS
 from intersection_env.evaluation.moments import followed, moments_of
+from intersection_env.evaluation.places import moments_in
 from intersection_env.files import written_whole
-from intersection_env.maps.intersection import MAPS, Intersection
+from intersection_env.maps.intersection import Intersection
 from intersection_env.policies.file import PolicyFile
 from intersection_env.prediction.predictor import Predictor
 from intersection_env.scenes.scene import SPLITS
-from intersection_env.scenes.scenes import Scenes
+
+TRAINED = ("gap", "idm_calibrated", "ppo", "gail")
+"""Policies that ship."""
 
 
 class Trainings:
@@ -35,66 +42,77 @@ class Trainings:
         self.options = workspace.options
 
     def run(self) -> None:
-        """Scenes, gap network, calibrated IDM, PPO, GAIL; of the last two one a seed, and then the best.
+        """Scenes, gap network, calibrated IDM, PPO, GAIL, the default; of PPO and GAIL one a seed, and then the best.
 
         Raises:
             StageFailedError: a training ended with an error.
             ValueError: of the map, or of the recordings; before anything is trained.
             OSError: a file cannot be read or written.
         """
-        options, seeds = self.options, list(self.options.seeds)
-        if not (MAPS / f"{options.map}.map").is_file():  # a scenes file is read back by its map's name
-            shipped = ", ".join(sorted(path.stem for path in MAPS.glob("*.map")))
-            raise ValueError(f'--map is "{options.map}"; wanted one that ships: {shipped}')
+        workspace, options, seeds = self.workspace, self.options, list(self.options.seeds)
+        print(f"recordings of {options.recordings} on maps: {', '.join(one.name for one in workspace.places)}")
         hashes = {path.name: file_hash(path) for path in sorted(options.recordings.glob("*")) if path.is_file()}
-        stage, policy, effort = self.workspace.stage, self.workspace.policy, options.effort
-        checksum = Intersection.load(options.map).checksum
-        stage("scenes", [], self.workspace.scenes, self._scenes, recordings=hashes, map=checksum)
-        stage("gap", ["scenes"], policy("gap"), self._gap, effort=effort)
+        stage, policy, effort = workspace.stage, workspace.policy, options.effort
+        for name, place in zip(workspace.scenes_stages(), workspace.places, strict=True):
+            out = workspace.scenes_of(place)
+            stage(name, [], out, partial(self._scenes, place), recordings=hashes, map=place.checksum)
+        order = workspace.scenes_stages()
+        stage("gap", order, policy("gap"), self._gap, effort=effort, order=order)
         stage("idm", ["gap"], policy("idm_calibrated"), self._idm, effort=effort)
         stage("ppo", ["gap"], policy("ppo"), self._ppo, seeds=seeds, effort=effort)
         stage("gail", ["ppo"], policy("gail"), self._gail, effort=effort)
+        stage("default", ["gail", "idm"], self.workspace.default, self._default, limits=[LEAST_SPEED, MOST_COLLISIONS])
 
-    def _scenes(self) -> None:
-        intersection = Intersection.load(self.options.map)
-        scenes = build(self.options.recordings, intersection)
+    def _scenes(self, place: Intersection) -> None:
+        scenes = build(self.options.recordings, place)
         print(scenes_summary(scenes))
         for split in SPLITS:
             if not moments_of(scenes.select(split))[0]:
                 raise ValueError(f'{self.options.recordings}: no scene for split "{split}" with vehicles to predict')
-        scenes.save(self.workspace.scenes)
+        scenes.save(self.workspace.scenes_of(place))
 
     def _gap(self) -> None:
         run, epochs = self.workspace.run_of("gap"), self.workspace.epochs(GAP_PROFILES["default"][1].epochs)
-        arguments = ["--scenes", str(self.workspace.scenes), "--run", str(run), "--epochs", str(epochs)]
-        run_module("agents.gap", "default", *arguments, "--resume")
+        run_module("agents.gap", "default", *self._everywhere, "--run", str(run), "--epochs", str(epochs), "--resume")
         self._keep(run / "gap.policy", "gap")
 
     def _idm(self) -> None:
-        arguments = ["--scenes", str(self.workspace.scenes), "--gap", str(self.workspace.policy("gap"))]
+        arguments = [*self._everywhere, "--gap", str(self.workspace.policy("gap"))]
         arguments += ["--rounds", str(self.workspace.epochs(ROUNDS))]
         arguments += ["--out", str(self.workspace.policy("idm_calibrated"))]
         run_module("agents.idm", *arguments)
 
     def _ppo(self) -> None:
-        arguments = ["--map", self.options.map, "--gaps", str(self.workspace.policy("gap")), "critical_gap"]
+        arguments = ["--map", *self.workspace.maps(), "--gaps", str(self.workspace.policy("gap")), "critical_gap"]
         self._seeds("ppo", PPO_PROFILES["fast"][1].epochs, lambda seed: ["agents.ppo", "fast", *arguments])
 
         def reward(path: Path) -> float:
             runs = PolicyFile.read(path).about["validation_run"].values()
-            return float(sum(run["reward"] for run in runs))
+            return float(sum(run["reward"] for of_map in runs for run in of_map.values()))
 
         self._best("ppo", reward)
 
     def _gail(self) -> None:
-        arguments = ["--scenes", str(self.workspace.scenes), "--decider", str(self.workspace.policy("gap"))]
+        arguments = [*self._everywhere, "--decider", str(self.workspace.policy("gap"))]
 
         def command(seed: int) -> list[str]:
             return ["imitation.gail", "default", *arguments, "--ppo", str(self.workspace.run_of(f"ppo_{seed}"))]
 
         self._seeds("gail", GAIL_PROFILES["default"][1].epochs, command)
-        watched = followed(moments_of(Scenes.load(self.workspace.scenes).select("development"), BETWEEN_MOMENTS)[0])
+        watched = followed(moments_in(self.workspace.all_scenes(), "development", BETWEEN_MOMENTS)[0])
         self._best("gail", lambda path: -distance_error(Predictor.load(path), watched))
+
+    def _default(self) -> None:
+        policies = [Predictor.load(self.workspace.policy(name)) for name in TRAINED]
+        moments = followed(moments_in(self.workspace.all_scenes(), "development")[0])
+        reference = Predictor.load(self.workspace.policy("idm_calibrated"))
+        found = default_of(policies, moments, reference)
+        print(f"default: {found['default']}")
+        write_result(self.workspace.default, found)
+
+    @property
+    def _everywhere(self) -> list[str]:
+        return self.workspace.arguments(self.workspace.places)
 
     def _seeds(self, name: str, epochs: int, command: Callable[[int], list[str]]) -> None:
         """Trains a driver with each seed, as many at a time as there are cores."""

@@ -6,11 +6,16 @@ import hashlib
 import json
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any, Literal
 
+from data.build import maps_of
 from experiments.reproduce.stages import Stages
+from intersection_env.maps.intersection import Intersection
+from intersection_env.scenes.places import load_places
+from intersection_env.scenes.scenes import Scenes
 
 
 @dataclass(frozen=True)
@@ -19,8 +24,9 @@ class Options:
 
     recordings: Path = Path("data/recordings")
     """The folder of the recordings, in inD's format."""
-    map: str = "bendplatz"
-    """A shipped map's name."""
+    map: tuple[str, ...] = ()
+    """Maps (names, or files) of the places to learn from; none: each that ships and has recordings in the folder. The
+    paper's figures are measured at the first one."""
     seeds: tuple[int, ...] = (0, 1, 2)
     """Of the drivers' trainings; the one with the least error on development is the policy that is reported."""
     work: Path = Path("out/reproduce")
@@ -38,7 +44,7 @@ class Options:
 
 
 class Workspace:
-    """Where the stages lay down what they make, and what each needs of those before it; the first one is "scenes".
+    """Where the stages lay down what they make, and what each needs of those before it; the first ones are the scenes.
 
     Raises:
         ValueError: no seeds, no effort or no scenes to time.
@@ -56,14 +62,54 @@ class Workspace:
         self.keys: dict[str, str] = {}
         self.names: list[str] = []
 
+    @cached_property
+    def places(self) -> tuple[Intersection, ...]:
+        """The maps of the places, the first one that of the paper's figures.
+
+        Raises:
+            FileNotFoundError, ValueError, OSError: as of `data.build.maps_of`.
+        """
+        return maps_of(self.options.recordings, self.options.map)
+
     def policy(self, name: str) -> Path:
         """Where a trained policy lies."""
         return self.options.work / "policies" / f"{name}.policy"
 
+    def scenes_of(self, place: Intersection) -> Path:
+        """A place's scenes file."""
+        return self.options.work / "scenes" / f"{place.name}.npz"
+
+    def load(self, place: Intersection) -> Scenes:
+        """A place's scenes."""
+        return Scenes.load(self.scenes_of(place), place)
+
     @property
-    def scenes(self) -> Path:
-        """The scenes file."""
-        return self.options.work / "scenes.npz"
+    def scenes(self) -> Scenes:
+        """The scenes of the first place."""
+        return self.load(self.places[0])
+
+    def all_scenes(self) -> tuple[Scenes, ...]:
+        """The scenes of all places."""
+        return load_places([self.scenes_of(place) for place in self.places], self.places)
+
+    def arguments(self, places: Sequence[Intersection]) -> list[str]:
+        """What commands are told of some places' scenes: `--scenes ... --map ...`."""
+        files = [str(self.scenes_of(place)) for place in places]
+        return ["--scenes", *files, "--map", *(self._map_of(place) for place in places)]
+
+    def maps(self) -> list[str]:
+        """The maps of all places as commands are told of them: names, or files."""
+        return [self._map_of(place) for place in self.places]
+
+    def _map_of(self, place: Intersection) -> str:
+        """A map's name, or its file where it was told by one."""
+        told = dict(zip(self.places, self.options.map, strict=True)) if self.options.map else {}
+        return told.get(place, place.name)
+
+    @property
+    def default(self) -> Path:
+        """Which policy is the default, and why."""
+        return self.options.work / "default.json"
 
     def epochs(self, whole: int) -> int:
         """How many of a whole training's epochs a training lasts here."""
@@ -74,8 +120,12 @@ class Workspace:
 
         A training cannot go on with those. With more seeds it can, so these are no part of it.
         """
-        decisive = json.dumps([self.keys["scenes"], self.options.effort])
+        decisive = json.dumps([[self.keys[name] for name in self.scenes_stages()], self.options.effort])
         return self.options.work / "runs" / hashlib.sha256(decisive.encode()).hexdigest()[:8] / name
+
+    def scenes_stages(self) -> list[str]:
+        """The stages that make the scenes, one a place."""
+        return [f"scenes_{place.name}" for place in self.places]
 
     def stage(self, name: str, after: Sequence[str], output: Path, work: Callable[[], None], **inputs: Any) -> None:
         """A stage that depends on earlier ones, and on `inputs`."""

@@ -5,9 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from experiments.show.horizon import UNTIL_LAST_SEEN, speeds_behind
 from experiments.show.tables import in_percent, in_unit, markdown_table
 
 LEAD_MOMENTS = 500  # with an open conflict, in which whom to follow is changed
+DISTANCES = (
+    *("10 s: RMSE [m]", "MAD [m]"),
+    *("until last seen: RMSE [m]", "MAD [m]", "bias [m]", "behind the junction, recorded [m/s]"),
+)
 
 
 def ablation_tables(results: Mapping[str, Any]) -> str:
@@ -19,11 +24,13 @@ def gap_table(rows: Mapping[str, Any]) -> str:
     """The gap networks."""
     heads = (
         *("gap network", "frames right, recorded [%]", "all [%]", "crossing order right [%]"),
-        *("RMSE [m]", "MAD [m]"),
+        *DISTANCES,
     )
     lines = []
     for name, row in rows.items():
-        frames = (f"{100.0 * row['frames'][foes]:.1f}" for foes in ("recorded", "all"))
+        frames = [""] * 2
+        if row["frames"] is not None:
+            frames = [f"{100.0 * row['frames'][foes]:.1f}" for foes in ("recorded", "all")]
         lines.append((name, *frames, in_percent(row["order"]), *_distances(row)))
     return markdown_table(heads, lines)
 
@@ -32,7 +39,7 @@ def gail_table(rows: Mapping[str, Any]) -> str:
     """The drivers."""
     heads = (
         *("driver", "alone: RMSE [m]", "MAD [m]", "collided [%]", "line run [%]"),
-        *("all predicted: RMSE [m]", "MAD [m]", "best, last checkpoint [m]"),
+        *(f"all predicted: {DISTANCES[0]}", *DISTANCES[1:], "best, last checkpoint [m]"),
     )
     lines = []
     for name, row in rows.items():
@@ -46,9 +53,11 @@ def gail_table(rows: Mapping[str, Any]) -> str:
 
 def lead_table(rows: Mapping[str, Any]) -> str:
     """Who leads."""
-    heads = ("whom to follow", "crossing order right [%]", "RMSE [m]", "MAD [m]")
+    heads = ("whom to follow", "crossing order right [%]", *DISTANCES)
     return markdown_table(heads, [(name, in_percent(row["order"]), *_distances(row)) for name, row in rows.items()])
 
 
 def _distances(row: Mapping[str, Any]) -> list[str]:
-    return [in_unit(row[key], form=".1f") for key in ("distance_rmse", "distance_mad")]
+    at_10s = [in_unit(row["at_10s"][key], form=".1f") for key in ("distance_rmse", "distance_mad")]
+    last = [in_unit(row["until_last_seen"][key], form=".1f") for key in UNTIL_LAST_SEEN]
+    return [*at_10s, *last, speeds_behind(row)]

@@ -16,6 +16,8 @@ if TYPE_CHECKING:
 QUANTITIES = ("distance", "time_loss")
 ERRORS = ("distance_rmse", "distance_mad", "time_loss_rmse", "time_loss_q80")
 """Those after 10 s that tables show."""
+UNTIL_LAST_SEEN = ("distance_rmse", "distance_mad", "distance_bias")
+"""Those until last seen."""
 MODELS = {
     "constant_velocity": "constant velocity",
     "idm": "critical gaps, IDM",
@@ -28,11 +30,22 @@ MODELS = {
 
 
 def errors_text(results: Mapping[str, Any]) -> str:
-    """Each model's errors after 10 s with their intervals, as text."""
+    """Each model's errors after 10 s and until last seen with their intervals, as text."""
     lines = [f"{'10 s, recorded':<20} {'RMSE [m]':>20} {'MAD [m]':>20} {'time loss RMSE [s]':>20} {'80 % [s]':>20}"]
     for name, row in results["at_10s"].items():
         lines.append(f"{name:<20} " + " ".join(f"{in_unit(row[key]):>20}" for key in ERRORS))
+    heads = ("RMSE [m]", "MAD [m]", "bias [m]", "behind, recorded [m/s]")
+    lines.append(" ".join((f"{'until last seen':<20}", *(f"{head:>22}" for head in heads))))
+    for name, row in results["until_last_seen"].items():
+        cells = [*(in_unit(row[key]) for key in UNTIL_LAST_SEEN), speeds_behind(results["models"][name])]
+        lines.append(" ".join((f"{name:<20}", *(f"{cell:>22}" for cell in cells))))
     return "\n".join(lines)
+
+
+def speeds_behind(of_model: Mapping[str, Any]) -> str:
+    """Mean speeds behind the junction, predicted and recorded [m/s]; nothing where nobody is there."""
+    speeds = [of_model["speed_behind"][key] for key in ("predicted", "recorded")]
+    return ", ".join("-" if one is None else f"{one:.1f}" for one in speeds)
 
 
 def errors_table(errors: pd.DataFrame) -> str:
@@ -50,6 +63,32 @@ def errors_table(errors: pd.DataFrame) -> str:
     counts = [f"{recorded[next(iter(MODELS)), horizon]['count']:.0f}" for horizon in HORIZONS]
     heads = ("RMSE / MAD [m], time loss RMSE [s]", *(f"{horizon:.0f} s" for horizon in HORIZONS))
     return markdown_table(heads, [*rows, ("samples", *counts)])
+
+
+def until_last_seen_table(errors: pd.DataFrame) -> str:
+    """The errors of everyone recorded at the start when it was last seen, by when that was, and speeds behind it all.
+
+    Args:
+        errors: as `evaluate` gives them.
+    """
+    indexed = errors.set_index(["model", "population", "horizon"]).to_dict("index")
+    rows = []
+    for model, name in MODELS.items():
+        parts = [indexed.get((model, "last_seen", horizon)) for horizon in HORIZONS]
+        everybody = indexed[model, "until_last_seen", HORIZONS[-1]]
+        cells = ["" if row is None else _signed(row) for row in (*parts, everybody)]
+        speeds = (f"{everybody[key]:.1f}" for key in ("speed_behind", "recorded_speed_behind"))
+        rows.append((name, *cells, ", ".join(speeds)))
+    first = next(iter(MODELS))
+    found = [indexed.get((first, "last_seen", horizon)) for horizon in HORIZONS]
+    found.append(indexed[first, "until_last_seen", HORIZONS[-1]])
+    counts = ("0" if row is None else f"{row['count']:.0f}" for row in found)
+    heads = ("RMSE / MAD / bias [m], last seen", *(f"to {horizon:.0f} s" for horizon in HORIZONS), "at any time")
+    return markdown_table((*heads, "behind the junction, recorded [m/s]"), [*rows, ("samples", *counts, None)])
+
+
+def _signed(row: Mapping[Any, Any]) -> str:
+    return f"{row['rmse']:.1f} / {row['mad']:.1f} / {row['bias']:+.1f}"
 
 
 def plot_errors(results: Mapping[str, Any], names: Mapping[str, str]) -> Figure:

@@ -14,6 +14,7 @@ from intersection_env.constants import DT
 from intersection_env.envs.actions import check_actions
 from intersection_env.envs.spaces import action_space, observation_space
 from intersection_env.envs.view import FRAMES_PER_SECOND, RENDER_MODES, View
+from intersection_env.maps.intersection import Intersection
 from intersection_env.scenes.scenes import Scenes
 from intersection_env.worlds.life import fresh_seed
 from intersection_env.worlds.replay import ReplayWorlds
@@ -138,6 +139,7 @@ class Replay(gymnasium.Env[Array, Array]):
     | argument | default | meaning |
     |---|---|---|
     | `scenes` | `"bendplatz"` | scenes that ship, a scenes file's path, or `Scenes` |
+    | `map` | `None` | the map of scenes on a map of one's own: its `.json` or `.map`, or an `Intersection` |
     | `split` | `"train"` | `"train"`, `"development"`, `"validation"`, or `None` for all |
     | `gap` | `"recording"` | who decides about gaps, see below |
     | `render_mode` | `None` | `"rgb_array"` or `"human"` |
@@ -158,6 +160,7 @@ class Replay(gymnasium.Env[Array, Array]):
         split: str | None = "train",
         gap: str | Path = "recording",
         render_mode: str | None = None,
+        map: str | Path | Intersection | None = None,
     ) -> None:
         """The environment; the class says what the arguments mean.
 
@@ -167,7 +170,7 @@ class Replay(gymnasium.Env[Array, Array]):
         """
         self.render_mode = render_mode
         self._view = View(render_mode)
-        self._worlds = ReplayWorlds(scenes, split=split, gap=gap, autoreset="off")
+        self._worlds = ReplayWorlds(scenes, map=map, split=split, gap=gap, autoreset="off")
         self._is_over = True
         self.action_space = action_space()
         self.observation_space = observation_space(

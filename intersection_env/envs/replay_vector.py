@@ -16,6 +16,7 @@ from intersection_env.constants import DT
 from intersection_env.envs.actions import check_actions
 from intersection_env.envs.spaces import action_space, observation_space
 from intersection_env.envs.view import FRAMES_PER_SECOND, View
+from intersection_env.maps.intersection import Intersection
 from intersection_env.scenes.scenes import Scenes
 from intersection_env.worlds.life import Autoreset, fresh_seed
 from intersection_env.worlds.replay import ReplayWorlds
@@ -38,7 +39,7 @@ class ReplayVector(VectorEnv[Array, Array, Array]):
     | argument | default | meaning |
     |---|---|---|
     | `num_envs` | 1 | how many worlds |
-    | `scenes`, `split`, `gap` | | as in `Replay` |
+    | `scenes`, `map`, `split`, `gap` | | as in `Replay` |
     | `autoreset_mode` | `"NextStep"` | an `AutoresetMode` or its value, see below |
     | `threads` | 1 | how many step the worlds, 0: one a core; they do not change what happens |
     | `render_mode` | `None` | `"rgb_array"` |
@@ -66,6 +67,7 @@ class ReplayVector(VectorEnv[Array, Array, Array]):
         threads: int = 1,
         render_mode: str | None = None,
         max_episode_steps: int | None = None,
+        map: str | Path | Intersection | None = None,
     ) -> None:
         """The environment; the class says what the arguments mean.
 
@@ -87,7 +89,9 @@ class ReplayVector(VectorEnv[Array, Array, Array]):
         """Where the last step reached the limit, of which the core knows nothing, and the next one starts anew."""
         # "SameStep" is made from "off" and a reset, since the core's own would overwrite the final info.
         autoreset: Autoreset = "next_step" if self.autoreset_mode is AutoresetMode.NEXT_STEP else "off"
-        self._worlds = ReplayWorlds(scenes, split=split, gap=gap, worlds=num_envs, autoreset=autoreset, threads=threads)
+        self._worlds = ReplayWorlds(
+            scenes, map=map, split=split, gap=gap, worlds=num_envs, autoreset=autoreset, threads=threads
+        )
         tracks = self._worlds.tracks
         self._seconds = np.round(np.arange(int(tracks.arrays["scene_steps"].max()) + 1) * DT, 1)
         self._all = np.ones(num_envs, np.bool_)

@@ -19,6 +19,7 @@ HORIZONS = (2.0, 4.0, 6.0, 8.0, 10.0)  # [s], paper, Section IV-C
 EVERY = 1.0  # [s] ours: between two moments; nearer ones see nearly the same scene
 SCORED = ("car", "truck_bus")  # bicycles take part, but are not scored
 LEAST = round(HORIZONS[0] / DT)  # steps
+LEAST_SEEN = round(1.0 / DT)  # steps, ours: who leaves sooner says nothing about a prediction
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,6 +58,10 @@ class Moment:
         is_scored = np.array([track.road_user in SCORED for track in self.tracks()], np.bool_)
         return ~np.ma.getmaskarray(self.recorded) & is_scored
 
+    def last_seen(self, within: int = STEPS) -> np.ma.MaskedArray[Any, np.dtype[np.int64]]:
+        """(vehicle,), as of `last_seen`."""
+        return last_seen(self.scored, within)
+
     def tracks(self) -> list[Track]:
         """The tracks of the vehicles present: (vehicle,)."""
         return [self.scene.track(id) for id in self.traffic.ids]
@@ -64,6 +69,21 @@ class Moment:
     def future(self, track: Track) -> slice:
         """Where in a track's arrays this moment and the horizon after it lie."""
         return slice(self.step - track.start, self.step - track.start + STEPS + 1)
+
+
+def last_seen(scored: NDArray[np.bool_], within: int = STEPS) -> np.ma.MaskedArray[Any, np.dtype[np.int64]]:
+    """The last step, of the first so many, at which each of some vehicles is recorded: who is scored *until last seen*.
+
+    Args:
+        scored: (time, vehicle), a car or truck that is recorded then.
+        within: steps from the start.
+
+    Returns:
+        (vehicle,) steps; masked for who is not recorded at the start, or not 1 s later or more.
+    """
+    seen = scored[: within + 1]
+    last = len(seen) - 1 - seen[::-1].argmax(axis=0)
+    return np.ma.masked_array(last, ~(seen[0] & seen[LEAST_SEEN:].any(axis=0)))
 
 
 def moments_of(scenes: Scenes, every: float = EVERY) -> tuple[list[Moment], dict[str, str]]:
@@ -92,8 +112,8 @@ def contested(found: Sequence[Moment]) -> list[Moment]:
 
 
 def followed(found: Sequence[Moment]) -> list[Moment]:
-    """Those with a car or truck that is recorded then, and 2 s later or more."""
-    return [moment for moment in found if (moment.scored[LEAST:] & moment.scored[0]).any()]
+    """Those with somebody to score until last seen: a car or truck recorded then, and 1 s later or more."""
+    return [moment for moment in found if moment.last_seen().count()]
 
 
 def thinned(found: Sequence[Moment], most: int) -> list[Moment]:

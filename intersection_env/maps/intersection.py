@@ -16,6 +16,11 @@ from intersection_env.maps.meeting import Conflict, SharedLane
 MAPS = Path(__file__).parent
 
 
+def shipped_maps() -> tuple[str, ...]:
+    """The names of the maps that ship, in order."""
+    return tuple(sorted(path.stem for path in MAPS.glob("*.map")))
+
+
 class Sample(IntEnum):
     """Columns of `Route.samples` and of `Intersection.sample`.
 
@@ -93,10 +98,9 @@ class Intersection:
 
             return cls(compile_file(path), str(path))
         if path.suffix != ".map":
-            shipped = sorted(file.stem for file in MAPS.glob("*.map"))
-            if str(name_or_path) not in shipped:
+            if str(name_or_path) not in shipped_maps():
                 raise ValueError(
-                    f'no map "{name_or_path}" ships (there are {", ".join(shipped)});'
+                    f'no map "{name_or_path}" ships (there are {", ".join(shipped_maps())});'
                     " a file must end in .map (compiled) or .json (source)"
                 )
             path = MAPS / f"{name_or_path}.map"

@@ -8,6 +8,8 @@ from intersection_env.policies.file import PolicyFile
 
 POLICIES = Path(__file__).parent
 """The folder of those that ship."""
+DEFAULT = (POLICIES / "default").read_text(encoding="utf-8").strip()
+"""The policy that is loaded where none is named: of those trained that pass the gates, the one that predicts best."""
 RULES = ("idm", "constant_velocity")
 """Rules that drive."""
 GAP_RULES = ("critical_gap", "sumo")

@@ -15,7 +15,7 @@ from intersection_env.arguments import whole_number
 from intersection_env.constants import DT, STEPS
 from intersection_env.maps.intersection import Intersection
 from intersection_env.policies.file import PolicyFile
-from intersection_env.policies.named import policy_named
+from intersection_env.policies.named import DEFAULT, policy_named
 from intersection_env.traffic import Traffic, naming
 
 Priorities = Sequence[tuple[str, str]] | NDArray[np.int8]
@@ -88,7 +88,7 @@ class Predictor:
         self._bound: dict[str, _core.Predictor] = {}
 
     @classmethod
-    def load(cls, policy: str | Path = "gail", *, gap: str | None = None, threads: int = 1) -> Predictor:
+    def load(cls, policy: str | Path = DEFAULT, *, gap: str | None = None, threads: int = 1) -> Predictor:
         """A policy that ships, a rule (`"idm"`, `"constant_velocity"`) or a policy file (`.policy`).
 
         All that ship were trained on the simulated recordings, and a network decides about gaps. Who drives: in
@@ -97,7 +97,8 @@ class Predictor:
         those that fit the recordings.
 
         Args:
-            policy: a name or a path.
+            policy: a name or a path; by default the one that predicts best of those that pass the gates
+                (`intersection_env.evaluation.gates`).
             gap: for rules only, who accepts a gap: `"critical_gap"` (default; 6 s crossing, 4 s merging) or `"sumo"`.
             threads: how many share the scenarios of a large batch, 0: one a core. They do not change what comes out.
                 They help one caller at a time; whoever predicts meanwhile, in another thread, works alone.

@@ -73,6 +73,24 @@ def read_scenes_file(path: Path) -> tuple[dict[str, Any], dict[str, NDArray[Any]
     return header, arrays
 
 
+def map_of_scenes_file(path: Path) -> tuple[str, str]:
+    """Name and checksum of the map that a scenes file lies on; nothing else of it is read.
+
+    Raises:
+        ValueError: as of `read_scenes_file`.
+    """
+    try:
+        with path.open("rb") as raw, np.load(raw, allow_pickle=False) as file:
+            text = file["header"] if "header" in file.files else None
+    except DAMAGED as error:
+        raise ValueError(f"{path}: not a scenes file, or a damaged one: {error}") from None
+    try:
+        header = _header(text)
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from None
+    return header["map"]["name"], header["map"]["checksum"]
+
+
 def _header(text: NDArray[Any] | None) -> dict[str, Any]:
     if text is None or text.shape != () or text.dtype.kind != "U":
         raise ValueError('no header text; wanted a scenes file made by "python -m data.build"')

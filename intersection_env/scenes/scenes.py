@@ -34,17 +34,19 @@ class Scenes:
     dropped: dict[str, float]
 
     @classmethod
-    def load(cls, name: str | Path, intersection: Intersection | None = None) -> Scenes:
-        """The scenes that ship under a name, or those in the file at a path.
+    def load(cls, name: str | Path, intersection: str | Path | Intersection | None = None) -> Scenes:
+        """The scenes that ship under a name, or those in the file at a path; several: `load_places`.
 
-        The intersection is the shipped map named in the file, unless another is given.
+        The intersection is the shipped map named in the file, unless another is given: a map, or its name or file.
 
         Raises:
             FileNotFoundError: there is no such file.
             ValueError: the file is damaged, of another version, or belongs to another map; the message
                 names file and array.
         """
-        path = _locate(name)
+        path = scenes_path(name)
+        if intersection is not None and not isinstance(intersection, Intersection):
+            intersection = Intersection.load(intersection)
         header, arrays = read_scenes_file(path)
         try:
             intersection = _its_intersection(header, intersection)
@@ -129,13 +131,22 @@ class Scenes:
         )
 
 
-def _locate(name: str | Path) -> Path:
-    shipped = RECORDED / f"{name}.npz"
-    if isinstance(name, str) and name.isidentifier() and shipped.is_file():
-        return shipped
+def shipped_scenes() -> tuple[str, ...]:
+    """The names of the scenes that ship, in order."""
+    return tuple(sorted(path.stem for path in RECORDED.glob("*.npz")))
+
+
+def scenes_path(name: str | Path) -> Path:
+    """Where scenes lie: those that ship, by their name, or a scenes file.
+
+    Raises:
+        FileNotFoundError: neither.
+    """
+    if str(name) in shipped_scenes():
+        return RECORDED / f"{name}.npz"
     path = Path(name)
     if not path.is_file():
-        names = ", ".join(sorted(one.stem for one in RECORDED.glob("*.npz"))) or "none"
+        names = ", ".join(shipped_scenes()) or "none"
         raise FileNotFoundError(f'"{name}": no scenes file at this path, nor one that ships under this name ({names})')
     return path
 
@@ -149,11 +160,12 @@ def _its_intersection(header: dict[str, Any], intersection: Intersection | None)
             intersection = Intersection.load(name)
         except (ValueError, OSError):
             raise ValueError(
-                f'its map "{name}" does not ship; give it: Scenes.load(path, intersection=Intersection.load(map))'
+                f'its map "{name}" does not ship; give it: --map MAP.json, in Python map= (Scenes.load(path, map))'
             ) from None
     if checksum != intersection.checksum:
         raise ValueError(
             f'made on map "{name}" with checksum {checksum}, but map "{intersection.name}" now has'
-            f" {intersection.checksum}; build the scenes again (python -m data.build)"
+            f" {intersection.checksum}; build the scenes again (python -m data.build), or give the map that they were"
+            " made on (--map)"
         )
     return intersection

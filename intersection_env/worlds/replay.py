@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from intersection_env import _core
 from intersection_env.arguments import whole_number
+from intersection_env.maps.intersection import Intersection
 from intersection_env.policies.named import gap_decider
 from intersection_env.scenes.scenes import Scenes
 from intersection_env.worlds.life import Autoreset, Worlds
@@ -40,6 +41,7 @@ class ReplayWorlds(Worlds):
         self,
         scenes: str | Path | Scenes = "bendplatz",
         *,
+        map: str | Path | Intersection | None = None,
         split: str | None = "train",
         gap: str | Path = "recording",
         worlds: int = 1,
@@ -51,6 +53,7 @@ class ReplayWorlds(Worlds):
 
         Args:
             scenes: a scenes file's name or path, or the scenes themselves.
+            map: the map that the scenes lie on, its name or its file; None: one that ships.
             split: `"train"`, `"development"`, `"validation"`, or None for all scenes.
             gap: who decides about gaps: the `"recording"`, or as in `ClosedLoopWorlds`.
             worlds, autoreset, threads, isa: as in `ClosedLoopWorlds`.
@@ -64,6 +67,7 @@ class ReplayWorlds(Worlds):
         super().__init__(
             {
                 "scenes": scenes,
+                "map": map,
                 "split": split,
                 "gap": gap,
                 "worlds": worlds,
@@ -72,7 +76,7 @@ class ReplayWorlds(Worlds):
                 "isa": isa,
             }
         )
-        recorded = scenes if isinstance(scenes, Scenes) else Scenes.load(scenes)
+        recorded = _recorded(scenes, map)
         recorded = recorded if split is None else recorded.select(split)
         if not len(recorded):
             where = "the scenes handed over" if isinstance(scenes, Scenes) else f"scenes {scenes}"
@@ -100,3 +104,16 @@ class ReplayWorlds(Worlds):
         """Begins one world's episode with this track, at its first recorded step."""
         self.core.start(world, track)
         self.is_reset = True
+
+
+def _recorded(scenes: str | Path | Scenes, map: str | Path | Intersection | None) -> Scenes:
+    if not isinstance(scenes, Scenes):
+        return Scenes.load(scenes, map)
+    if map is not None:
+        intersection = map if isinstance(map, Intersection) else Intersection.load(map)
+        if intersection != scenes.intersection:
+            raise ValueError(
+                f'map: the scenes handed over lie on map "{scenes.intersection.name}"'
+                f' ({scenes.intersection.checksum}), not on "{intersection.name}" ({intersection.checksum})'
+            )
+    return scenes

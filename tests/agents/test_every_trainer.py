@@ -17,6 +17,7 @@ from agents.training.folder import CHECKPOINT, CONFIG, METRICS, decisive
 from imitation.discriminator import DiscriminatorSettings
 from intersection_env import ClosedLoopWorlds, Predictor
 from intersection_env.policies.file import PolicyFile
+from tests.support.own_place import own_scenes
 from tests.support.scenes import small_scenes
 from tests.support.trainings import (
     Trainer,
@@ -55,6 +56,17 @@ def name(request: pytest.FixtureRequest) -> str:
 @pytest.fixture
 def trainer(name: str, scenes: Path) -> Trainer:
     return trainer_of(name, scenes)
+
+
+@pytest.fixture(scope="module")
+def own(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
+    """Scenes of a place of one's own, and their map."""
+    return own_scenes(tmp_path_factory.mktemp("own"))
+
+
+@pytest.fixture
+def of_two_places(name: str, scenes: Path, own: tuple[Path, Path]) -> Trainer:
+    return trainer_of(name, scenes, own[0], map=own[1])
 
 
 WITH_SCHEDULES = pytest.mark.parametrize("name", [*TRAINERS, "gap, cyclic"])
@@ -112,6 +124,43 @@ def test_main_writes_a_policy_that_loads_and_a_line_an_epoch(
     assert [closer in row for row in rows] == [False, False, True, False, False, True, False, True]
 
 
+def test_run_over_two_places_interrupted_by_ctrl_c_ends_like_an_unbroken_one(
+    of_two_places: Trainer, trainer: Trainer, tmp_path: Path
+) -> None:
+    """One of them on a map of one's own; PPO's worlds and GAIL's are 4 and 8, in two shares."""
+    wanted = of_two_places.train(tmp_path / "unbroken")
+    broken = replace(of_two_places.settings, run=tmp_path / "broken")
+    with ctrl_c_after(epoch=4):
+        assert of_two_places.main(broken) == 130
+    assert of_two_places.main(replace(broken, resume=True)) == 0
+    assert of_two_places.outcome(broken.run) == wanted
+    assert trainer.train(tmp_path / "one place")[0] != wanted[0]
+    about = PolicyFile.read(broken.run / of_two_places.policy).about
+    assert about.get("maps", about.get("data", {}).get("maps")) == ["bendplatz", "mine"]
+
+
+def test_a_run_does_not_go_on_without_one_of_its_places_or_with_another_map(
+    of_two_places: Trainer, trainer: Trainer, own: tuple[Path, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    run = tmp_path / "run"
+    of_two_places.train(run, epochs=1)
+    assert trainer.main(replace(trainer.settings, run=run, epochs=1, resume=True)) == 1
+    assert 'had "data"' in capsys.readouterr().err
+    if hasattr(of_two_places.settings, "scenes"):
+        without_map = replace(of_two_places.settings, map=(), run=run, epochs=1, resume=True)
+        assert of_two_places.main(without_map) == 1
+        error = capsys.readouterr().err
+        assert f'{own[0]}: its map "mine" does not ship; give it: --map' in error
+
+
+@pytest.mark.parametrize("name", ["ppo", "gail"])
+def test_worlds_that_places_cannot_share_equally_are_shared_all_the_same(
+    of_two_places: Trainer, tmp_path: Path
+) -> None:
+    one, two = (of_two_places.train(tmp_path / str(count), worlds=5, epochs=2, threads=count) for count in (1, 2))
+    assert one == two
+
+
 @pytest.mark.parametrize("name", ["ppo", "gail"])
 def test_figures_go_to_tensorboard_if_it_is_there(
     trainer: Trainer, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
@@ -133,7 +182,7 @@ def test_a_run_goes_on_with_its_own_settings_and_data_only(
     capsys.readouterr()
     others = [({"seed": 1}, 'had "seed" = 0, not 1'), *OTHERS[name]]
     if hasattr(trainer.settings, "scenes"):
-        others.append(({"scenes": tmp_path / "more.npz"}, 'had "data"'))
+        others.append(({"scenes": (tmp_path / "more.npz",)}, 'had "data"'))
     for change, message in [({"resume": False}, "holds a run already"), *others]:
         assert trainer.main(replace(trainer.settings, run=tmp_path / "run", **({"resume": True} | change))) == 1
         assert message in capsys.readouterr().err

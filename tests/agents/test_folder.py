@@ -53,4 +53,4 @@ def test_where_a_run_lies_and_how_it_is_done_does_not_decide_its_result() -> Non
     assert decisive(here) == decisive(there)
     assert decisive(here)["gaps"] == ["gap", "critical_gap"]
     assert decisive(here) != decisive(PpoSettings(seed=1))
-    assert decisive(GapSettings(scenes=Path("a"), resume=True)) == decisive(GapSettings())
+    assert decisive(GapSettings(scenes=(Path("a"),), map=("b",), resume=True)) == decisive(GapSettings())

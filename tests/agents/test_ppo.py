@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -18,7 +19,9 @@ from agents.networks.export import driving_policy
 from agents.ppo import PROFILES, PpoSettings, main, train_driver
 from agents.rollouts.policy_update import PolicyUpdate, UpdateSettings
 from agents.rollouts.validation_run import validation_run
-from agents.training.folder import CHECKPOINT
+from agents.training.folder import CHECKPOINT, METRICS
+from intersection_env import Intersection, Predictor
+from intersection_env.evaluation.empty_road import empty_road
 from intersection_env.policies.file import PolicyFile
 from intersection_env.policies.named import gap_decider
 from tests.support.damage import with_checksum
@@ -26,6 +29,7 @@ from tests.support.trainings import TINY_PPO as TINY
 from tests.support.trainings import refused
 
 SHORT = PpoSettings(
+    map=("bendplatz",),
     worlds=32,
     steps=32,
     epochs=30,
@@ -97,8 +101,13 @@ def test_the_policy_drives_by_the_last_network_and_says_how_it_does(tmp_path: Pa
     assert policy.gap_network is not None
     assert policy.driving_network is not None
     np.testing.assert_array_equal(policy.driving_network.layers[1][0], state["policy.second.weight"])
-    assert policy.about["map"] == "bendplatz"
-    assert set(policy.about["validation_run"]) == {"gap", "critical_gap"}
+    assert policy.about["maps"] == ["bendplatz"]
+    assert set(policy.about["validation_run"]["bendplatz"]) == {"gap", "critical_gap"}
+    alone = empty_road(Predictor(policy, "ppo"), maps=[Intersection.load("bendplatz")])
+    assert policy.about["empty_road"] == alone.figures()
+    rows = [json.loads(line) for line in (tmp_path / "run" / METRICS).read_text().splitlines()]
+    assert [row["epoch"] for row in rows if "empty_road" in row] == [3, 6, 8]
+    assert rows[-1]["empty_road"] == alone.figures()
 
 
 def test_command_line_reaches_nested_settings() -> None:
@@ -117,10 +126,10 @@ def test_command_line_reaches_nested_settings() -> None:
         ({"gaps": ("idm",)}, 'gap: the policy "idm" has no gap network'),
         ({"gaps": ("missing.policy",)}, "missing.policy"),
         ({"gaps": ("hero",)}, 'no policy "hero"'),
-        ({"map": "nowhere"}, "nowhere"),
-        ({"worlds": 0}, "worlds"),
-        ({"gaps": ()}, "gaps: 0 cannot have equal shares of 4 worlds"),
-        ({"gaps": ("gap", "sumo"), "worlds": 3}, "gaps: 2 cannot have equal shares of 3 worlds"),
+        ({"map": ("nowhere",)}, "nowhere"),
+        ({"worlds": 0}, "0 worlds cannot be shared by 1"),
+        ({"gaps": ()}, "map: 1, gaps: 0: 4 worlds cannot be shared by 0"),
+        ({"gaps": ("gap", "sumo"), "worlds": 1}, "map: 1, gaps: 2: 1 worlds cannot be shared by 2"),
         ({"vehicles": 65}, "vehicles"),
         ({"steps": 0}, "frames_per_batch is 0"),
         ({"epochs": 0}, "total_frames is 0"),

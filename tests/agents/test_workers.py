@@ -14,7 +14,7 @@ import torch
 from agents.networks.driving import Driver, DrivingNetwork
 from agents.rollouts.envs import ClosedLoopEnv, ReplayEnv
 from agents.rollouts.remote import RemoteRollouts
-from agents.rollouts.workers import rollout_collector
+from agents.rollouts.workers import rollout_collector, shares
 from agents.training.folder import CHECKPOINT, state_hash
 from agents.training.ray import LOCAL_RAY
 from tests.support.networks import driver
@@ -34,6 +34,11 @@ def two_deciders(worlds: int, **arguments: Any) -> list[ClosedLoopEnv]:
     return [closed_loop(worlds=worlds // 2, gap=gap, **arguments) for gap in ("critical_gap", "sumo")]
 
 
+def two_places(worlds: int, **arguments: Any) -> list[ReplayEnv]:
+    """The same scenes twice, as if of two places."""
+    return [one for _ in range(2) for one in replay(worlds=worlds // 2, **arguments)]
+
+
 def collector_of(make: Callable[..., list[Env]], of: Driver, workers: int, **others: Any) -> Any:
     arguments: dict[str, Any] = {"worlds": WORLDS, "steps": STEPS, "epochs": EPOCHS, "seed": 3, "threads": 1}
     return rollout_collector(make, of, workers=workers, **(arguments | others))
@@ -47,7 +52,7 @@ def change(of: Driver) -> None:
 
 @pytest.mark.ray
 @pytest.mark.usefixtures("ray_with_two_cores")
-@pytest.mark.parametrize("make", [two_deciders, replay])
+@pytest.mark.parametrize("make", [two_deciders, replay, two_places])
 def test_workers_collect_what_one_collector_does(make: Callable[..., list[Env]]) -> None:
     of = driver()
     twin = Driver(DrivingNetwork(), DrivingNetwork(), 0.3)
@@ -105,3 +110,11 @@ def test_training_whose_worker_fails_resumes_to_the_bytes_of_one_process(
 def test_workers_that_cannot_be_are_refused(workers: int, message: str) -> None:
     with pytest.raises(ValueError, match=message), collector_of(two_deciders, driver(), workers):
         pass
+
+
+def test_shares_differ_by_one_where_they_cannot_be_equal() -> None:
+    assert shares(256, 3) == [86, 85, 85]
+    assert shares(6, 6) == [1] * 6
+    for worlds, count in ((5, 6), (5, 0)):
+        with pytest.raises(ValueError, match=f"{worlds} worlds cannot be shared by {count}"):
+            shares(worlds, count)

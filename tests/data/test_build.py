@@ -11,6 +11,7 @@ from data.build import build, main
 from intersection_env.maps.intersection import MAPS, Intersection
 from intersection_env.scenes.scenes import Scenes
 from tests.support.built_scenes import steady_traffic
+from tests.support.own_place import own_map, own_recordings
 from tests.support.recordings import on_route, steady, write_recording
 
 
@@ -93,3 +94,22 @@ def test_damaged_recording_leaves_nothing_behind(
     assert main([str(tmp_path), "--out", str(out / "scenes.npz")]) == 1
     assert "01_tracks.csv.xz" in capsys.readouterr().err
     assert not out.exists()
+
+
+def test_recordings_of_two_places_make_a_file_each(
+    tmp_path: Path, bendplatz: Intersection, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = own_recordings(folder_of(tmp_path / "in", bendplatz, 3, 901), own_map(tmp_path), "20", "21", "22")
+    assert main([str(folder), "--out", str(tmp_path / "shipped")]) == 0
+    assert [path.name for path in (tmp_path / "shipped").iterdir()] == ["bendplatz.npz"], "where recordings lie"
+    both = ["--map", "bendplatz", str(tmp_path / "mine.json")]
+    assert main([str(folder), *both, "--out", str(tmp_path / "both")]) == 0
+    assert sorted(path.name for path in (tmp_path / "both").iterdir()) == ["bendplatz.npz", "mine.npz"]
+    assert (tmp_path / "both" / "bendplatz.npz").read_bytes() == (tmp_path / "shipped" / "bendplatz.npz").read_bytes()
+    splits = {scene.recording: scene.split for scene in Scenes.load(tmp_path / "both" / "mine.npz", both[2])}
+    assert splits == {"20": "train", "21": "development", "22": "validation"}
+    capsys.readouterr()
+    assert main([str(folder), *both, "--out", str(tmp_path / "one.npz")]) == 1
+    assert "recordings lie on several maps (bendplatz, mine); give a --map" in capsys.readouterr().err
+    assert main([str(folder), "--map", "t_junction", "--out", str(tmp_path / "one.npz")]) == 1
+    assert 'recording 00 is of location 901, but map "t_junction" is made for' in capsys.readouterr().err

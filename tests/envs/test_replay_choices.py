@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
+import pickle
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import gymnasium
 import numpy as np
 import pytest
 
-from intersection_env import Replay, ReplayVector, ReplayWorlds, Scenes
+from agents.rollouts.envs import ReplayEnv
+from intersection_env import Intersection, Replay, ReplayVector, ReplayWorlds, Scenes
 from intersection_env.features import Driving
 from intersection_env.scenes.scenes import RECORDED
 from intersection_env.worlds.recorded_tracks import RecordedTracks
 from tests.support.doors import STILL, episode
 from tests.support.episodes import as_bytes
+from tests.support.own_place import own_scenes
 
 
 def test_options_pick_scene_and_vehicle() -> None:
@@ -155,3 +159,39 @@ def test_scenes_can_be_handed_over_and_none_that_act_are_refused() -> None:
         Replay(replace(scenes, scenes=()), split=None)
     with pytest.raises(ValueError, match=r'^the scenes handed over: no scene of split "validation"'):
         Replay(replace(scenes, scenes=scenes.select("train").scenes[:1]), split="validation")
+
+
+def test_scenes_on_a_map_of_ones_own_come_through_every_door(tmp_path: Path) -> None:
+    scenes, file = own_scenes(tmp_path)
+    wanted = Scenes.load(scenes, file)
+    for map in (file, str(file), Intersection.load(file)):
+        single = gymnasium.make("intersection_env/Replay-v0", scenes=scenes, map=map)
+        vector = gymnasium.make_vec("intersection_env/Replay-v0", num_envs=2, scenes=str(scenes), map=map)
+        observation, info = single.reset(seed=3)
+        observations, infos = vector.reset(seed=3)
+        np.testing.assert_array_equal(observations[0], observation)
+        assert info["vehicle"] == infos["vehicle"][0]
+        assert single.observation_space.contains(observation)
+        worlds = ReplayWorlds(scenes, map=map, worlds=2)
+        worlds.reset(3)
+        np.testing.assert_array_equal(worlds.observation, observations)
+        assert worlds.intersection == wanted.intersection
+        again = pickle.loads(pickle.dumps(worlds))
+        assert again.intersection == wanted.intersection
+        assert ReplayEnv(scenes, map=map, worlds=2).worlds.intersection.name == "mine"
+        assert Replay(wanted, map=map).scenes.intersection == wanted.intersection
+
+
+@pytest.mark.parametrize("kind", [Replay, ReplayVector, ReplayWorlds])
+def test_map_that_is_not_that_of_the_scenes_is_refused(
+    kind: type[Replay | ReplayVector | ReplayWorlds], tmp_path: Path
+) -> None:
+    scenes, file = own_scenes(tmp_path, "00")
+    with pytest.raises(ValueError, match=r'mine\.npz: its map "mine" does not ship; give it: --map .*, in Python map='):
+        kind(scenes=scenes)
+    with pytest.raises(ValueError, match=r'made on map "mine" with checksum \w+, but map "t_junction" now has'):
+        kind(scenes=scenes, map="t_junction")
+    with pytest.raises(ValueError, match=r'map: the scenes handed over lie on map "mine" .* not on "bendplatz"'):
+        kind(scenes=Scenes.load(scenes, file), map="bendplatz")
+    with pytest.raises(ValueError, match='no map "nowhere" ships'):
+        kind(scenes=scenes, map="nowhere")

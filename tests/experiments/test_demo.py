@@ -19,7 +19,7 @@ from tests.support.recordings import on_route, steady, write_recording
 
 # track, route, position and speed at the start; the first lets the others pass
 MOVERS = {
-    "bendplatz": [(1, "NW-NE", 105.0, 4.0), (2, "SE-NW", 80.0, 7.0), (3, "SE-NW", 100.0, 7.0)],
+    "bendplatz": [(1, "NW-NE", 100.0, 3.5), (2, "SE-NW", 80.0, 7.0), (3, "SE-NW", 100.0, 7.0)],
     "t_junction": [(1, "S-W", 65.0, 3.0), (2, "W-E", 95.0, 7.0), (3, "W-E", 115.0, 7.0)],
 }
 FILES = ["animation.gif", "errors.csv", "positions.png", "scenes.npz"]
@@ -57,6 +57,8 @@ def test_demo_ranks_draws_and_evaluates(
     assert "2 open conflicts among recorded vehicles" in printed
     assert "3 feasible orders predicted" in printed
     table = pd.read_csv(out / "errors.csv")
+    populations = table.groupby("model")["population"].agg(set)
+    assert all({"recorded", "until_last_seen", "last_seen"} <= found for found in populations)
     assert set(table["model"]) == {"idm", "constant_velocity", "gap", "idm_calibrated", "ppo", "gail"}
     # all drive steadily: constant velocity is right, the intelligent driver is not
     steadily = table[table["model"] == "constant_velocity"]

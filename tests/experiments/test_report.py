@@ -81,6 +81,7 @@ def computed(tmp_path_factory: pytest.TempPathFactory) -> Results:
         )
         results["closed_loop"] = _closed_loop(tmp_path_factory.mktemp("policies"))
         results["runtime"] = runtime_results(runtime.Options(policy="ppo", scenes=2))
+    results["default"] = _default()
     results["reproduced"] = {"about": ABOUT, "seconds": SECONDS}
     whole: Results = json.loads(json.dumps(results))
     assert set(whole) == set(RESULTS)
@@ -102,6 +103,15 @@ def _horizon() -> Results:
         for k, name in enumerate(ALL)
     }
     return {"moments": 4, "missing": {}, **horizon_results(found)}
+
+
+def _default() -> Results:
+    """The calibrated IDM is the default; GAIL stands."""
+    errors = {"rmse": 2.0, "mad": 1.0, "bias": -0.5}
+    row = {"until_last_seen": errors, "empty_road": 1.0, "disobeys": 0, "collisions": 0.01, "refusals": []}
+    stands = row | {"empty_road": 0.0, "refusals": ["0.00 of the calibrated IDM's speed"]}
+    policies = {"gap": row, "idm_calibrated": row, "ppo": row, "gail": stands}
+    return {"default": "idm_calibrated", "policies": policies, "constant_velocity": errors}
 
 
 def _closed_loop(folder: Path) -> Results:
@@ -138,7 +148,7 @@ def contents(folder: Path) -> dict[str, bytes]:
 
 
 def keys_of(content: Results) -> dict[str, set[str]]:
-    return {name: set(part) for name, part in content.items()}
+    return {name: set(part) for name, part in content.items() if isinstance(part, dict)}
 
 
 def test_summary_has_exactly_the_names_that_were_promised(folder: Path, computed: Results) -> None:
@@ -152,6 +162,7 @@ def test_summary_has_exactly_the_names_that_were_promised(folder: Path, computed
         "order": {"model", "priority_first", "sumo_rule"},
         "distance": set(MODELS),
         "time_loss": set(MODELS),
+        "until_last_seen": set(MODELS),
         "closed_loop": {"reward", "collisions_per_second_per_agent", "mean_speed", "duration_s"},
         "runtime": {"one_scenario_ms", "batch_ms", "maneuvers_per_cycle", "quadratic_ms", "isa"},
         "seconds": set(SECONDS),
@@ -159,6 +170,8 @@ def test_summary_has_exactly_the_names_that_were_promised(folder: Path, computed
     assert MODELS == ("gail", "ppo", "idm", "idm_calibrated", "constant_velocity", "sumo")
     assert all(set(row) == {"rmse_10s", "mad_10s"} for row in content["distance"].values())
     assert all(set(row) == {"rmse_10s", "q80_10s"} for row in content["time_loss"].values())
+    assert all(set(row) == {"rmse", "mad", "bias"} for row in content["until_last_seen"].values())
+    assert content["default"] == "idm_calibrated"
     assert content == summary(computed, ABOUT, SECONDS)
 
 
@@ -181,6 +194,9 @@ def test_summary_holds_the_figures_of_the_results(computed: Results) -> None:
         assert content["time_loss"][model] == pytest.approx(
             {"rmse_10s": (k + 1) * 0.1 * once, "q80_10s": (k + 1) * 0.26}
         )
+        assert content["until_last_seen"][model] == pytest.approx(
+            {"rmse": (k + 1) * once, "mad": (k + 1) * 2.0, "bias": (k + 1) * 2.0 / 3.0}
+        )
     run = computed["closed_loop"]["drivers"]["ppo"]["gap"]
     assert content["closed_loop"]["reward"] == run["reward"]
     assert content["closed_loop"]["duration_s"] == 12.0
@@ -192,6 +208,7 @@ def test_summary_holds_the_figures_of_the_results(computed: Results) -> None:
 GAP = ("gap_validation", "foes", "recorded", "models", "sumo", "network_minus", "accuracy")
 ORDER = ("order_validation", "recorded", "models", "gail")
 AT_10S = ("horizon_validation", "at_10s", "gail")
+LAST = ("horizon_validation", "until_last_seen", "idm_calibrated")
 RUN = ("closed_loop", "drivers", "ppo", "gap")
 RUNTIME = ("runtime", "models", "ours", "vehicles", "15", "mean")
 BARS = {
@@ -200,6 +217,8 @@ BARS = {
     "that minus priority first": ((*ORDER, "minus", "priority_first", "value"), 0.01, 0.0),
     "that minus SUMO's rule": ((*ORDER, "minus", "sumo_rule", "value"), 0.01, -0.01),
     "time-loss RMSE at 10 s": ((*AT_10S, "time_loss_rmse", "value"), 1.2, 1.21),
+    "... its RMSE to constant velocity's": ((*LAST, "distance_rmse_to_constant_velocity", "value"), 0.99, 1.0),
+    "... its MAD to constant velocity's": ((*LAST, "distance_mad_to_constant_velocity", "value"), 0.99, 1.0),
     "PPO, 2000 s: mean reward": ((*RUN, "reward"), 0.4, 0.39),
     "... collisions a second and agent": ((*RUN, "collisions"), 0.00099, 0.001),
     "... mean speed": ((*RUN, "speed"), 6.0, 5.9),
@@ -353,7 +372,7 @@ def test_model_that_is_missing_is_said_and_left_out(results: Results, folder: Pa
     for split in ("development", "validation"):
         found = results[f"horizon_{split}"]
         found["missing"] = {"sumo": "No module named 'sumo'"}
-        del found["models"]["sumo"], found["at_10s"]["sumo"]
+        del found["models"]["sumo"], found["at_10s"]["sumo"], found["until_last_seen"]["sumo"]
     results["runtime"]["models"]["libsumo"] = {"missing": "not installed"}
     assert set(summary(results, ABOUT, SECONDS)["distance"]) == set(MODELS) - {"sumo"}
     assert set(summary(results, ABOUT, SECONDS)["time_loss"]) == set(MODELS) - {"sumo"}
@@ -371,7 +390,7 @@ def test_figures_that_there_are_no_samples_of_are_left_out(results: Results, mon
     results["horizon_validation"] |= horizon_results(dict.fromkeys(ALL, known))
     text = report.report(results, ABOUT, SECONDS)
     begin = text.index("Vehicles that are extrapolated")
-    assert len(text[begin : text.index("The same on development")].strip().splitlines()) == 4  # and no row
+    assert len(text[begin : text.index("The same on development", begin)].strip().splitlines()) == 4  # and no row
 
 
 def test_recordings_that_are_not_simulated_are_not_called_so(results: Results) -> None:
@@ -403,3 +422,18 @@ def test_results_that_are_missing_or_malformed_are_an_error(
     (out / "runtime.json").write_text("{", encoding="utf-8")
     assert report.main() == 1
     assert "runtime.json: not JSON" in capsys.readouterr().err
+
+
+def test_gap_figures_that_are_undefined_are_null_in_the_summary(results: Results) -> None:
+    results["gap_validation"]["foes"]["recorded"]["models"]["network"]["balanced_accuracy"] = None
+    assert summary(results, ABOUT, SECONDS)["gap"]["balanced_accuracy"] is None
+
+
+def test_each_place_has_a_table_where_there_are_several(results: Results) -> None:
+    row = {"model": "gail", "population": "recorded", "horizon": 10.0, "rmse": 7.25, "mad": 3.5, "count": 40}
+    ours = {"moments": 12, "rows": [row, row | {"population": "another", "horizon": 8.0}, row | {"bias": 1.0}]}
+    assert "Each place" not in report.report(results | {"places": {"validation": {"bendplatz": ours}}}, ABOUT, SECONDS)
+    both = {"validation": {"bendplatz": ours, "mine": ours | {"moments": 13}}}
+    text = report.report(results | {"places": both}, ABOUT, SECONDS)
+    assert "**mine**, 13 moments" in text
+    assert text.count("| recorded | gail | 7.25 | 3.50 | 40 |") == 4, "at the last horizon alone"

@@ -1,4 +1,4 @@
-"""A driving network keeps to the rules in predictions: lines, assigned orders, gaps."""
+"""Drivers keep to the rules in predictions: lines, assigned orders, gaps."""
 
 from __future__ import annotations
 
@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from intersection_env import Predictor
+from intersection_env.evaluation.obedience import Findings
 from intersection_env.policies.file import PolicyFile
-from tests.hardening.obedience import MAPS, Findings, look_at
+from tests.hardening.obedience import look_at_random
 from tests.support.core_and_twin import weights
 from tests.support.twins import CASES, random_networks
 
@@ -15,11 +16,11 @@ from tests.support.twins import CASES, random_networks
 def findings(predictor: Predictor, seeds: range) -> Findings:
     found = Findings()
     for seed in seeds:
-        look_at(predictor, MAPS[seed % 2], seed, found)
+        look_at_random(predictor, seed, found)
     return found
 
 
-@pytest.mark.parametrize("name", ["ppo", "gail"])
+@pytest.mark.parametrize("name", ["ppo", "gail", "idm_calibrated"])
 def test_a_shipped_driver_obeys(name: str) -> None:
     found = findings(Predictor.load(name), range(300 * CASES))
     assert not found.wrong

@@ -22,8 +22,9 @@ from agents.training.folder import CHECKPOINT, METRICS, RunFolder, file_hash, st
 from imitation.discriminator import Discriminator, DiscriminatorSettings
 from imitation.gail import PROFILES, GailSettings, main, start_of, train_driver
 from imitation.replay_error import ReplayError, replay_error
-from intersection_env import Scenes
+from intersection_env import Predictor, Scenes
 from intersection_env.constants import STEPS
+from intersection_env.evaluation.empty_road import empty_road
 from intersection_env.features import Driving
 from intersection_env.policies.file import PolicyFile
 from intersection_env.policies.named import POLICIES
@@ -45,7 +46,7 @@ def tiny(scenes: Scenes, tmp_path_factory: pytest.TempPathFactory) -> GailSettin
     """A tiny training on a file of small scenes."""
     path = tmp_path_factory.mktemp("scenes") / "scenes.npz"
     scenes.save(path)
-    return replace(TINY, scenes=path)
+    return replace(TINY, scenes=(path,))
 
 
 @pytest.fixture(scope="module")
@@ -117,9 +118,14 @@ def test_the_policy_drives_by_the_best_network_and_says_what_it_learned_from(
     np.testing.assert_array_equal(policy.driving_network.layers[1][0], best["policy"]["second.weight"])
     rows = [json.loads(line) for line in (settings.run / METRICS).read_text().splitlines()]
     assert (best["error"], best["epoch"]) == min((row["predicted"], row["epoch"]) for row in rows if "predicted" in row)
-    assert policy.about["map"] == "bendplatz"
+    looked = [row for row in rows if "predicted" in row]
+    assert all(set(row["until_last_seen"]) >= {"rmse", "mad", "bias", "recorded_speed_behind"} for row in looked)
+    assert all(set(row["empty_road"]) == {"least", "mean"} for row in looked)
+    assert set(policy.about["until_last_seen"]) == {"gail", "constant_velocity"}
+    assert policy.about["empty_road"] == empty_road(Predictor(policy, "gail"), maps=[scenes.intersection]).figures()
+    assert policy.about["maps"] == ["bendplatz"]
     assert policy.about["sha256"] == {
-        "scenes": file_hash(settings.scenes),
+        "scenes": [file_hash(*settings.scenes)],
         "ppo": state_hash(start_of(ppo).state_dict()),
     }
     figures = replay_error(driving_network(policy), scenes, "development")
@@ -151,7 +157,7 @@ def test_scenes_without_a_split_are_refused(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], there: str, missing: str
 ) -> None:
     small_scenes(there).save(tmp_path / "a.npz")
-    error = refused(main, replace(TINY, scenes=tmp_path / "a.npz", run=tmp_path / "run"), capsys)
+    error = refused(main, replace(TINY, scenes=(tmp_path / "a.npz",), run=tmp_path / "run"), capsys)
     assert str(tmp_path / "a.npz") in error
     assert f'no scene of split "{missing}"' in error
 
@@ -163,7 +169,7 @@ def test_scenes_in_which_nobody_can_act_are_refused(
         replace(scene, tracks=tuple(replace(track, road_user="bicycle") for track in scene.tracks)) for scene in scenes
     )
     replace(scenes, scenes=bicycles).save(tmp_path / "a.npz")
-    error = refused(main, replace(TINY, scenes=tmp_path / "a.npz", run=tmp_path / "run"), capsys)
+    error = refused(main, replace(TINY, scenes=(tmp_path / "a.npz",), run=tmp_path / "run"), capsys)
     assert f'{tmp_path / "a.npz"}, split "train"' in error
     assert "bicycles" in error
 
@@ -179,7 +185,7 @@ def test_scenes_in_which_nobody_can_be_watched_for_ten_seconds_are_refused(
         for scene in scenes
     )
     replace(scenes, scenes=brief).save(tmp_path / "a.npz")
-    error = refused(main, replace(TINY, scenes=tmp_path / "a.npz", run=tmp_path / "run"), capsys)
+    error = refused(main, replace(TINY, scenes=(tmp_path / "a.npz",), run=tmp_path / "run"), capsys)
     assert 'split "development": nobody is recorded for more than 10 s' in error
 
 
@@ -198,9 +204,9 @@ def test_scenes_made_for_something_else_are_refused(
     spoil: Callable[[dict[str, Any]], dict[str, Any]],
     message: str,
 ) -> None:
-    header, arrays = read_scenes_file(tiny.scenes)
+    header, arrays = read_scenes_file(*tiny.scenes)
     write_scenes_file(tmp_path / "a.npz", spoil(header), arrays)
-    error = refused(main, replace(tiny, scenes=tmp_path / "a.npz", run=tmp_path / "run"), capsys)
+    error = refused(main, replace(tiny, scenes=(tmp_path / "a.npz",), run=tmp_path / "run"), capsys)
     assert str(tmp_path / "a.npz") in error
     assert message in error
 
@@ -208,7 +214,7 @@ def test_scenes_made_for_something_else_are_refused(
 @pytest.mark.parametrize(
     ("settings", "message"),
     [
-        ({"scenes": Path("missing.npz")}, "missing.npz"),
+        ({"scenes": (Path("missing.npz"),)}, "missing.npz"),
         ({"ppo": Path("missing")}, "missing holds no checkpoint to begin with"),
         ({"gap": "idm"}, 'the policy "idm" has no gap network'),
         ({"decider": "idm"}, 'the policy "idm" has no gap network'),

@@ -29,6 +29,7 @@ from imitation.gail import GailSettings
 PATIENCE = 120.0  # [s]
 TINY_GAP = GapSettings(epochs=8, batch=256, checkpoint_every=3)
 TINY_PPO = PpoSettings(
+    map=("bendplatz",),
     gaps=("critical_gap",),
     worlds=4,
     vehicles=6,
@@ -39,7 +40,14 @@ TINY_PPO = PpoSettings(
     checkpoint_every=3,
 )
 TINY_SHARED = PpoSettings(
-    gaps=("critical_gap", "sumo"), worlds=4, vehicles=6, steps=16, epochs=4, checkpoint_every=3, threads=1
+    map=("bendplatz",),
+    gaps=("critical_gap", "sumo"),
+    worlds=4,
+    vehicles=6,
+    steps=16,
+    epochs=4,
+    checkpoint_every=3,
+    threads=1,
 )
 """Of worlds that two workers can share."""
 TINY_GAIL = GailSettings(
@@ -75,11 +83,16 @@ class Trainer:
         return *outcome(run), (run / self.policy).read_bytes()
 
 
-def trainer_of(name: str, scenes: Path) -> Trainer:
-    """The trainer "gap", "gap, cyclic" (its schedule), "ppo" or "gail", on this scenes file."""
-    of_gap = Trainer(agents.gap.train.COMMAND, agents.gap.train.main, replace(TINY_GAP, scenes=scenes), "gap.policy")
-    of_ppo = Trainer(agents.ppo.COMMAND, agents.ppo.main, TINY_PPO, "ppo.policy")
-    of_gail = Trainer(imitation.gail.COMMAND, imitation.gail.main, replace(TINY_GAIL, scenes=scenes), "gail.policy")
+def trainer_of(name: str, *scenes: Path, map: str | Path | None = None) -> Trainer:
+    """The trainer "gap", "gap, cyclic" (its schedule), "ppo" or "gail", on these scenes files.
+
+    map: an own map on which some of the scenes lie; PPO drives there and on Bendplatz.
+    """
+    maps = () if map is None else (str(map),)
+    where: dict[str, Any] = {"scenes": scenes, "map": maps}
+    of_gap = Trainer(agents.gap.train.COMMAND, agents.gap.train.main, replace(TINY_GAP, **where), "gap.policy")
+    of_ppo = Trainer(agents.ppo.COMMAND, agents.ppo.main, replace(TINY_PPO, map=(*TINY_PPO.map, *maps)), "ppo.policy")
+    of_gail = Trainer(imitation.gail.COMMAND, imitation.gail.main, replace(TINY_GAIL, **where), "gail.policy")
     cyclic = replace(of_gap, settings=replace(of_gap.settings, schedule="cyclic"))
     return {"gap": of_gap, "gap, cyclic": cyclic, "ppo": of_ppo, "gail": of_gail}[name]
 

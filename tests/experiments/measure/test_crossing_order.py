@@ -241,7 +241,7 @@ def test_results_of_the_split_asked_for_are_written_and_printed(
     ]
     scenes = Scenes(bendplatz, (pair(bendplatz, 20, 30), *others), {}, {})
     scenes.save(tmp_path / "scenes.npz")
-    assert main(Options(scenes=tmp_path / "scenes.npz", policies=("gap",), out=tmp_path)) == 0
+    assert main(Options(scenes=(tmp_path / "scenes.npz",), policies=("gap",), out=tmp_path)) == 0
     content = json.loads((tmp_path / "order_development.json").read_text(encoding="utf-8"))
     own, _ = moments_of(scenes.select("development"))
     expected = order_results([Predictor.load("gap")], own)
@@ -251,5 +251,5 @@ def test_results_of_the_split_asked_for_are_written_and_printed(
 
 
 def test_missing_scenes_are_refused(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(Options(scenes=Path("nowhere.npz"))) == 1
+    assert main(Options(scenes=(Path("nowhere.npz"),))) == 1
     assert "nowhere.npz" in capsys.readouterr().err

@@ -189,7 +189,7 @@ def test_network_decides_as_its_least_logit_says() -> None:
 
 
 def test_missing_scenes_and_a_figure_of_folds_are_refused(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(Options(scenes=Path("nowhere.npz"))) == 1
+    assert main(Options(scenes=(Path("nowhere.npz"),))) == 1
     assert "nowhere.npz" in capsys.readouterr().err
     assert main(Options(folds=5, figure=Path("gap.png"))) == 1
     assert "--figure" in capsys.readouterr().err

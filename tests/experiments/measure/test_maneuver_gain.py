@@ -189,7 +189,9 @@ def test_results_of_the_split_asked_for_are_written_printed_and_drawn(
     kept = Scenes(own.intersection, (*own.scenes, *other.scenes[3:]), {}, {})
     kept.save(tmp_path / "scenes.npz")
     figure = tmp_path / "maneuvers.svg"
-    options = Options(tmp_path / "scenes.npz", "gap", moments=3, limit=20, seed=3, out=tmp_path, figure=figure)
+    options = Options(
+        (tmp_path / "scenes.npz",), policy="gap", moments=3, limit=20, seed=3, out=tmp_path, figure=figure
+    )
     assert main(options) == 0
     expected = maneuver_results(gap, thinned(contested(moments_of(own)[0]), 3), 3, 20)
     content = json.loads((tmp_path / "maneuvers_development.json").read_text(encoding="utf-8"))
@@ -199,5 +201,5 @@ def test_results_of_the_split_asked_for_are_written_printed_and_drawn(
 
 
 def test_missing_scenes_are_refused(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(Options(scenes=Path("nowhere.npz"))) == 1
+    assert main(Options(scenes=(Path("nowhere.npz"),))) == 1
     assert "nowhere.npz" in capsys.readouterr().err

@@ -81,11 +81,11 @@ def test_main_writes_results_and_figure(tmp_path: Path, capsys: pytest.CaptureFi
     scenes = Path("intersection_env/scenes/bendplatz.npz")
     path = tmp_path / "made.policy"
     predictor(0.0, path)
-    options = Options(scenes, (str(path),), ("critical_gap",), out=tmp_path, figure=tmp_path / "a.pdf")
+    options = Options((scenes,), policies=(str(path),), gaps=("critical_gap",), out=tmp_path, figure=tmp_path / "a.pdf")
     assert main(options) == 0
     assert "made" in capsys.readouterr().out
     results = json.loads((tmp_path / "closed_loop.json").read_text())
     assert set(results["acceleration"]) == {"recorded", "made"}
     assert (tmp_path / "a.pdf").read_bytes()[:4] == b"%PDF"
-    assert main(Options(scenes, ("gap",), out=tmp_path)) == 1
+    assert main(Options((scenes,), policies=("gap",), out=tmp_path)) == 1
     assert "holds no driving network" in capsys.readouterr().err

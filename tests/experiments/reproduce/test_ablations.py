@@ -18,6 +18,7 @@ from agents.training.folder import METRICS, decisive
 from experiments.models import lead_across
 from experiments.reproduce import ablations
 from experiments.reproduce.ablations import (
+    CONSTANT_VELOCITY,
     DEFAULT_GAIL,
     DEFAULT_GAP,
     GAIL,
@@ -37,10 +38,9 @@ Trainings = dict[Path, list[str]]
 @pytest.fixture
 def workspace(tmp_path: Path) -> Workspace:
     """One in which the trainings are done: small scenes, the shipped policies."""
-    made = Workspace(Options(seeds=(5,), work=tmp_path / "work", out=tmp_path / "out"))
-    made.keys |= {"scenes": "some", "gail": "others"}
-    made.scenes.parent.mkdir(parents=True)
-    small_scenes("train", "development").save(made.scenes)
+    made = Workspace(Options(map=("bendplatz",), seeds=(5,), work=tmp_path / "work", out=tmp_path / "out"))
+    made.keys |= {"scenes_bendplatz": "some", "gail": "others"}
+    small_scenes("train", "development").save(made.scenes_of(made.places[0]))
     for name in ("gap", "idm_calibrated", "gail"):
         made.policy(name).parent.mkdir(parents=True, exist_ok=True)
         made.policy(name).write_text(Path(f"intersection_env/policies/{name}.policy").read_text())
@@ -84,18 +84,22 @@ def test_every_variant_is_trained_and_measured_once(workspace: Workspace, monkey
     commands = trained(workspace, monkeypatch)
     assert len(commands) == len(GAP) + len(GAIL)
     results = json.loads((workspace.options.out / "ablations.json").read_text())
-    assert list(results["gap"]) == [DEFAULT_GAP, *GAP]
-    assert list(results["gail"]) == ["PPO alone, without GAIL", f"{DEFAULT_GAIL}, seed 5", *GAIL]
+    assert list(results["gap"]) == [CONSTANT_VELOCITY, DEFAULT_GAP, *GAP]
+    assert list(results["gail"]) == [CONSTANT_VELOCITY, "PPO alone, without GAIL", f"{DEFAULT_GAIL}, seed 5", *GAIL]
     seen = [row["checkpoints"] for row in results["gail"].values()]
-    assert seen == [None] + [{"best": 2.0, "last": 2.5}] * (1 + len(GAIL))
-    first, *_ = results["gap"].values()
-    assert all(row == first for row in results["gap"].values()), "the same network, measured differently"
-    assert gap_table(results["gap"]).count("\n") == 2 + len(GAP)
-    assert gail_table(results["gail"]).count("\n") == 3 + len(GAIL)
-    in_core, in_torch, across = results["lead"].values()
-    assert in_torch["distance_rmse"]["value"] == pytest.approx(in_core["distance_rmse"]["value"], abs=1e-3)
+    assert seen == [None] * 2 + [{"best": 2.0, "last": 2.5}] * (1 + len(GAIL))
+    steady, first, *others = results["gap"].values()
+    assert all(row == first for row in others), "the same network, measured differently"
+    assert steady["frames"] is None
+    assert steady["until_last_seen"] == results["gail"][CONSTANT_VELOCITY]["until_last_seen"]
+    assert gap_table(results["gap"]).count("\n") == 3 + len(GAP)
+    assert gail_table(results["gail"]).count("\n") == 4 + len(GAIL)
+    _, in_core, in_torch, across = results["lead"].values()
+    assert in_torch["at_10s"]["distance_rmse"]["value"] == pytest.approx(
+        in_core["at_10s"]["distance_rmse"]["value"], abs=1e-3
+    )
     assert across != in_torch, "nobody was ever across a path"
-    assert lead_table(results["lead"]).count("\n") == 4
+    assert lead_table(results["lead"]).count("\n") == 5
     assert not trained(workspace, monkeypatch), "done again"
 
 

@@ -9,24 +9,32 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from agents.networks.driving import DrivingNetwork
 from agents.networks.export import driving_policy
 from agents.ppo import PROFILES as PPO_PROFILES
 from experiments.reproduce import measurements, reproduce, trainings
+from experiments.reproduce.default import default_of
 from experiments.reproduce.measurements import Measurements
-from experiments.reproduce.reproduce import TRAINED, main
+from experiments.reproduce.reproduce import main
 from experiments.reproduce.stages import StageFailedError
+from experiments.reproduce.trainings import TRAINED
 from experiments.reproduce.workspace import Options, Workspace
 from experiments.results_files import rounded
+from experiments.show.places import place_table
 from imitation.gail import PROFILES as GAIL_PROFILES
-from intersection_env import Intersection
+from imitation.replay_error import constant_velocity_network
+from intersection_env import Intersection, Predictor, Scene, Scenes
+from intersection_env.evaluation.moments import moments_of
 from intersection_env.policies.named import POLICIES, gap_decider
+from intersection_env.scenes.scene import Track
+from tests.support.own_place import own_map, own_recordings
 from tests.support.recordings import on_route, steady, write_recording
 
-MEASURED = ("_horizon", "_order", "_gap_accuracy", "_replay", "_maneuvers", "_closed_loop", "_runtime")
-STAGES = ("scenes", "gap", "idm", "ppo", "gail")
+MEASURED = ("_horizon", "_order", "_gap_accuracy", "_replay", "_maneuvers", "_closed_loop", "_places", "_runtime")
+STAGES = ("scenes_bendplatz", "gap", "idm", "ppo", "gail")
 MERITS = {"ppo_3": 0.1, "ppo_4": 0.3, "ppo_5": 0.2, "gail_3": -4.0, "gail_4": -5.0, "gail_5": -6.0}
 
 
@@ -53,11 +61,13 @@ class Trainer:
 
     def __init__(self) -> None:
         self.modules: list[str] = []
+        self.told: list[list[str]] = []
         self.folders: list[str] = []
         self.epochs: set[int] = set()
 
     def run_module(self, module: str, *arguments: str) -> None:
         self.modules.append(module)
+        self.told.append([module, *arguments])
         told = dict(itertools.pairwise(arguments))
         out = Path(told["--out"]) if "--out" in told else Path(told["--run"]) / "gap.policy"
         out.parent.mkdir(parents=True, exist_ok=True)
@@ -66,10 +76,11 @@ class Trainer:
     def run_trainings(self, commands: Mapping[Path, Sequence[str]], epochs: int, at_once: int) -> None:
         assert 1 <= at_once <= len(commands)
         self.epochs.add(epochs)
+        self.told += [list(command) for command in commands.values()]
         for run in commands:
             self.folders.append(run.name)
             run.mkdir(parents=True, exist_ok=True)
-            about = {"validation_run": {"gap": {"reward": MERITS[run.name]}}, "name": run.name}
+            about = {"validation_run": {"bendplatz": {"gap": {"reward": MERITS[run.name]}}}, "name": run.name}
             driving_policy(gap_decider("gap"), DrivingNetwork(), about).save(run / f"{run.name.split('_')[0]}.policy")
 
 
@@ -152,14 +163,15 @@ def test_bad_recordings_are_named_before_anything_is_trained(
     assert said in printed.err
     assert "[gap]" not in printed.out
     assert not (tmp_path / "out").exists()
-    assert not (tmp_path / "work" / "scenes.npz").exists()
+    assert not (tmp_path / "work" / "scenes").exists()
 
 
 @pytest.mark.parametrize(
     ("change", "said"),
     [
-        ({"map": "nowhere"}, '--map is "nowhere"; wanted one that ships: bendplatz, t_junction'),
-        ({"map": "intersection_env/maps/bendplatz.json"}, "wanted one that ships"),
+        ({"map": ("nowhere",)}, 'no map "nowhere" ships (there are bendplatz, crossroads, t_junction)'),
+        ({"map": ("bendplatz", "t_junction")}, 'recording 07 is of location 1, but map "t_junction" is made for'),
+        ({"map": ("bendplatz", "intersection_env/maps/bendplatz.json")}, 'two maps are called "bendplatz"'),
         ({"seeds": ()}, "--seeds names no seed"),
         ({"effort": -1.0}, "--effort is -1; wanted more than 0"),
     ],
@@ -185,6 +197,37 @@ def test_training_keeps_the_best_seed_of_each_driver(options: Options, trainer: 
     assert (policies / "ppo.policy").read_bytes() == (policies / "ppo_4.policy").read_bytes()
     assert (policies / "gail.policy").read_bytes() == (policies / "gail_3.policy").read_bytes()
     assert not options.out.exists()
+
+
+def test_default_predicts_best_of_those_that_pass(options: Options, trainer: Trainer) -> None:
+    assert main(options) == 0
+    found = json.loads((options.work / "default.json").read_text(encoding="utf-8"))
+    assert set(found["policies"]) == set(TRAINED)
+    passing = {name: row for name, row in found["policies"].items() if not row["refusals"]}
+    assert {"gap", "idm_calibrated"} <= set(passing)
+    errors = {name: row["until_last_seen"]["rmse"] for name, row in passing.items()}
+    assert errors[found["default"]] == min(errors.values())
+    assert found["constant_velocity"]["rmse"] < 0.5  # all drive steadily
+
+
+def test_policy_that_predicts_best_but_stands_is_no_default() -> None:
+    """Two cars wait for each other's going, so to say: they stand, and so does who never accelerates."""
+    bendplatz = Intersection.load("bendplatz")
+    still = np.full(51, 60.0, np.float32), np.zeros(51, np.float32), np.zeros(51, np.float32)
+    tracks = [
+        Track(f"07/{k}", "car", bendplatz.route_index(route), 4.5, 1.8, 0, *still, np.ones(51, np.bool_))
+        for k, route in enumerate(("NW-SE", "SE-NW"))
+    ]
+    scenes = Scenes(bendplatz, (Scene("07/0", "07", "development", 0.0, 51, tuple(tracks)),), {}, {})
+    moments = moments_of(scenes)[0]
+    stands = Predictor(driving_policy(gap_decider("gap"), constant_velocity_network(), {}), "stands")
+    idm = Predictor.load("idm_calibrated")
+    found = default_of([stands, idm], moments, idm)
+    assert found["policies"]["stands"]["until_last_seen"]["rmse"] == 0.0
+    assert "on an empty road" in found["policies"]["stands"]["refusals"][0]
+    assert found["default"] == "idm_calibrated"
+    with pytest.raises(ValueError, match=r"no policy passes the gates, so none can be the default: stands: 0\.00 of"):
+        default_of([stands], moments, idm)
 
 
 def test_effort_is_the_share_of_epochs_but_one_at_least(options: Options, trainer: Trainer) -> None:
@@ -225,6 +268,53 @@ def test_other_recordings_are_trained_on_anew(options: Options, trainer: Trainer
     assert len(runs) == 2  # a training cannot go on with other data
 
 
+def test_each_place_of_the_recordings_is_learned_from_and_its_own_map_told(
+    options: Options, trainer: Trainer, tmp_path: Path, measured: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    map = own_map(tmp_path)
+    own_recordings(options.recordings, map, "20", "21", "22")
+    both = replace(options, map=("bendplatz", str(map)), only="everything")
+    assert main(both) == 0
+    assert "on maps: bendplatz, mine" in capsys.readouterr().out
+    places = [str(options.work / "scenes" / f"{name}.npz") for name in ("bendplatz", "mine")]
+    for told in trainer.told:
+        if "agents.ppo" not in told:
+            at = told.index("--scenes")
+            assert told[at + 1 : at + 3] == places
+        at = told.index("--map")
+        assert told[at + 1 : at + 3] == ["bendplatz", str(map)]
+    assert {told[0].partition(".")[0] for told in trainer.told} == {"agents", "imitation"}
+    about = json.loads((options.out / "reproduced.json").read_text(encoding="utf-8"))["about"]
+    assert about["maps"] == ["bendplatz", "mine"]
+    assert about["recordings_validation"] == ["09"], "the paper's figures are of the first place"
+    alone = Workspace(replace(options, map=(str(map),)))
+    assert [place.name for place in alone.places] == ["mine"]
+    assert alone.arguments(alone.places) == ["--scenes", places[1], "--map", str(map)]
+    assert [place.name for place in Workspace(options).places] == ["bendplatz"], "the map that ships, where some lie"
+
+
+def test_places_are_measured_each_by_itself(
+    options: Options, trainer: Trainer, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    map = own_map(tmp_path)
+    own_recordings(options.recordings, map, "20", "21", "22")
+    both = replace(options, map=("bendplatz", str(map)))
+    assert main(both) == 0
+    measurements = Measurements(Workspace(both))
+    models = {name: Predictor.load(name) for name in ("idm", "constant_velocity")}
+    monkeypatch.setattr(Measurements, "_models", lambda _: models)
+    measurements._places()
+    found = json.loads(measurements.result("places").read_text(encoding="utf-8"))
+    assert list(found) == ["development", "validation"]
+    for of_split in found.values():
+        assert list(of_split) == ["bendplatz", "mine"]
+        for place in of_split.values():
+            rows = [row for row in place["rows"] if (row["population"], row["horizon"]) == ("recorded", 2.0)]
+            assert [row["model"] for row in rows] == list(models)
+            assert rows[1]["rmse"] < 0.3, "all drive steadily"
+            assert all(f"| {name} |" in place_table(place["rows"]) for name in models)
+
+
 def test_shipping_copies_the_policies_into_the_package(
     options: Options, trainer: Trainer, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -234,7 +324,9 @@ def test_shipping_copies_the_policies_into_the_package(
     assert main(options) == 0
     assert not list(package.iterdir())
     assert main(replace(options, ship=True)) == 0
-    assert {path.name for path in package.iterdir()} == {f"{name}.policy" for name in TRAINED}
+    assert {path.name for path in package.iterdir()} == {"default", *(f"{name}.policy" for name in TRAINED)}
+    chosen = json.loads((options.work / "default.json").read_text(encoding="utf-8"))
+    assert (package / "default").read_text(encoding="utf-8") == f"{chosen['default']}\n"
     for name in TRAINED:
         shipped = (package / f"{name}.policy").read_bytes()
         assert shipped == (options.work / "policies" / f"{name}.policy").read_bytes()
@@ -269,16 +361,23 @@ def test_job_that_ended_early_says_why_and_goes_on_from_there(
 
 
 @pytest.mark.parametrize(
-    ("map", "said"), [("bendplatz", "No module named 'sumo'"), ("t_junction", "there is a network for Bendplatz only")]
+    ("is_own", "said"), [(False, "No module named 'sumo'"), (True, "there is a network for Bendplatz only")]
 )
 def test_sumo_that_is_missing_ends_nothing(
-    map: str, said: str, options: Options, monkeypatch: pytest.MonkeyPatch
+    is_own: bool, said: str, options: Options, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    map = str(own_map(tmp_path))
+    if is_own:
+        own_recordings(options.recordings, Path(map), "20")
+
     def missing(_: object) -> None:
         raise ModuleNotFoundError("No module named 'sumo'")
 
     monkeypatch.setattr(measurements, "sumo_predictions", missing)
-    assert Measurements(Workspace(replace(options, map=map)))._sumo([]) == ([], {"sumo": said})
+    assert Measurements(Workspace(replace(options, map=(map if is_own else "bendplatz",))))._sumo([]) == (
+        [],
+        {"sumo": said},
+    )
 
 
 def test_rounding_leaves_all_but_floats_as_it_is() -> None:

@@ -135,10 +135,12 @@ def test_stage_that_fails_is_not_marked_nor_is_what_it_was_before(tmp_path: Path
 def test_trainings_for_other_scenes_or_of_other_effort_have_folders_of_their_own(tmp_path: Path) -> None:
     def folder(options: Options, recordings: str) -> Path:
         workspace = Workspace(options)
-        workspace.stage("scenes", [], tmp_path / "scenes", Counter(tmp_path / "scenes"), recordings=recordings)
+        workspace.stage(
+            "scenes_bendplatz", [], tmp_path / "scenes", Counter(tmp_path / "scenes"), recordings=recordings
+        )
         return workspace.run_of("ppo_0")
 
-    options = Options(work=tmp_path)
+    options = Options(map=("bendplatz",), work=tmp_path)
     first = folder(options, "these")
     assert first.name == "ppo_0"
     assert folder(replace(options, seeds=(0, 1, 2, 3)), "these") == first
