@@ -5,9 +5,12 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from intersection_env.files import written_whole
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 RESULTS = (
     "gap_development", "gap_validation", "order_development", "order_validation", "horizon_development",
@@ -40,6 +43,12 @@ def write_result(path: Path, content: Mapping[str, Any]) -> None:
     """Writes a results file, floats to six digits."""
     with written_whole(path) as temporary:
         temporary.write_text(json.dumps(rounded(content)) + "\n", encoding="utf-8")
+
+
+def rows_of(table: pd.DataFrame) -> list[dict[str, Any]]:
+    """A table's rows as JSON holds them, None where a value is missing."""
+    rows = table.astype(object).where(table.notna(), None).to_dict("records")
+    return [{str(name): value for name, value in row.items()} for row in rows]
 
 
 def rounded(content: Any) -> Any:

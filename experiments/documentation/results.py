@@ -14,6 +14,7 @@ from typing import Any
 
 import pandas as pd
 
+from experiments.report.baseline import baselines_in, baselines_table
 from experiments.report.headlines import headlines
 from experiments.results_files import results_in
 from experiments.show.environment_speed import environments_section, training_sentence
@@ -76,6 +77,7 @@ def page() -> str:
     results, errors = results_in(RESULTS), pd.read_csv(RESULTS / "errors.csv")
     tables = {
         "paper": paper_table(results),
+        "baselines": baselines_table(baselines_in(RESULTS), results),
         "errors": errors_table(errors),
         "until_last_seen": until_last_seen_table(errors),
         "gap": accuracy_table(results["gap_validation"]),

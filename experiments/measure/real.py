@@ -28,7 +28,7 @@ from experiments.measure.crossing_order import order_results
 from experiments.measure.gap import decider_of
 from experiments.measure.gap_scores import FOES, compare, tally
 from experiments.report.page import page
-from experiments.results_files import write_result
+from experiments.results_files import rows_of, write_result
 from experiments.show.gap import NETWORK
 from experiments.show.real import real_page
 from intersection_env.constants import DT
@@ -95,7 +95,7 @@ def place_results(scenes: Scenes) -> dict[str, Any]:
         "speeds": speeds(scenes),
         "moments": len(moments),
         "refused": len(refused),
-        "errors": [row for one in models for row in evaluate(one, moments).to_dict("records")] if moments else [],
+        "errors": [row for one in models for row in rows_of(evaluate(one, moments))] if moments else [],
         "order": _or_why(lambda: order_results(learned, moments)) if moments else _no("no moment to predict from"),
         "gaps": _gaps(scenes) if len(scenes) else dict.fromkeys(FOES, _no("no scene")),
     }

@@ -22,7 +22,7 @@ from experiments.measure.validation_run import closed_loop_results
 from experiments.models.sumo_predictor import predictions as sumo_predictions
 from experiments.reproduce.stages import run_module
 from experiments.reproduce.workspace import Workspace
-from experiments.results_files import write_result
+from experiments.results_files import rows_of, write_result
 from imitation.expert import expert_steps
 from imitation.replay_error import constant_velocity_network, replay_error
 from intersection_env.evaluation.errors import Forecaster, evaluate
@@ -105,7 +105,7 @@ class Measurements:
             found[split] = {}
             for place in self.workspace.all_scenes():
                 moments, _ = moments_of(place.select(split))
-                rows = [row for one in models for row in evaluate(one, moments).to_dict("records")]
+                rows = [row for one in models for row in rows_of(evaluate(one, moments))]
                 found[split][place.intersection.name] = {"moments": len(moments), "rows": rows}
         self._write("places", found)
 

@@ -11,8 +11,11 @@ KEYS = ("model", "population", "horizon")
 HEADS = {
     "rmse": "RMSE [m]",
     "mad": "MAD [m]",
+    "bias": "bias [m]",
     "time_loss_rmse": "time loss RMSE [s]",
     "time_loss_q80": "time loss 80 % [s]",
+    "speed_behind": "behind the junction [m/s]",
+    "recorded_speed_behind": "recorded there [m/s]",
     "count": "samples",
 }
 RULE = " --- "
@@ -60,6 +63,8 @@ def _table(rows: Rows, keys: Sequence[str]) -> str:
 
 
 def _cell(value: Any) -> str:
+    if value is None:  # nobody is there
+        return ""
     if isinstance(value, float):
         return f"{value:.0f}" if value.is_integer() and value >= 1.0 else f"{value:.2f}"
     return str(value)

@@ -13,8 +13,10 @@ from experiments.show.tables import markdown_table
 FEW_SAMPLES = 100  # ours: of as few, a vehicle counts in several moments, single drivers decide
 FEW_RECORDINGS = 5  # ours: of fewer, intervals over recordings are too narrow
 POPULATIONS = {
-    "recorded": "recorded at the start and at the horizon: the headline",
+    "recorded": "recorded at the start and at the horizon, the paper's choice: mostly those who waited",
     "extrapolated": "not in view yet at the start, so that their start was extrapolated from their own future",
+    "until_last_seen": "recorded at the start, all, each at the last moment at which it is recorded: the headline",
+    "last_seen": "of those, the ones last seen within the 2 s up to the horizon",
 }
 KINDS = {
     "recordings": "recordings left out",
@@ -68,14 +70,12 @@ def _recordings(place: Json) -> Iterator[str]:
 def _in_short(place: Json) -> Iterator[str]:
     """What a reader looks for first."""
     lines = []
-    last = max((row["horizon"] for row in place["errors"]), default=0.0)
-    at_last = [row for row in place["errors"] if (row["population"], row["horizon"]) == ("recorded", last)]
-    if at_last:
-        ordered = sorted(at_last, key=lambda row: float(row["rmse"]))
-        lines.append(
-            f"where they are {last:g} s later, RMSE [m]: "
-            + ", ".join(f"{row['model']} {row['rmse']:.1f}" for row in ordered)
-        )
+    everybody = [row for row in place["errors"] if row["population"] == "until_last_seen"]
+    for key, what in (("rmse", "RMSE"), ("mad", "MAD")):
+        ordered = sorted(everybody, key=lambda row: float(row[key]))
+        shown = (f"{row['model']} {row[key]:.1f}" for row in ordered)
+        if everybody:
+            lines.append(f"where they are when last seen within 10 s, {what} [m]: {', '.join(shown)}")
     if "missing" not in place["order"] and place["order"]["recorded"]["pairs"]:
         models = place["order"]["recorded"]["models"]
         ordered = sorted(models, key=lambda name: -models[name]["accuracy"]["value"])
@@ -143,12 +143,13 @@ def _population(place: Json, population: str) -> Iterator[str]:
     if not counts:
         yield "**None**: this population cannot be scored."
         return
-    yield population_table(place["errors"], population)
-    own = [row for row in place["errors"] if row["population"] == population]
+    if len(counts) > 1:
+        yield population_table(place["errors"], population)
     last = max(row["horizon"] for row in place["errors"])
-    yield f"At {max(counts):g} s:"
-    yield place_table(own)
-    if max(counts) < last:
+    if population != "last_seen":
+        yield f"At {max(counts):g} s:"
+        yield place_table([row for row in place["errors"] if row["population"] == population])
+    if max(counts) < last and len(counts) > 1:
         yield f"**Nobody** of it is recorded beyond {max(counts):g} s."
     few = [f"{horizon:g} s ({count:g})" for horizon, count in counts.items() if count < FEW_SAMPLES]
     if few:

@@ -144,10 +144,10 @@ def distance_error(forecaster: Forecaster, moments: Sequence[Moment]) -> float:
     sums, counts = np.zeros(len(HORIZONS)), np.zeros(len(HORIZONS))
     for moment in moments:
         predicted = forecaster.predict(moment.traffic).position[0]
-        for h, horizon in enumerate(HORIZONS):
-            error = _distance_when_last_seen(moment, predicted, round(horizon / DT))
-            sums[h] += float(np.square(error).sum())
-            counts[h] += len(error)
+        seen = moment.sightings
+        error = predicted[seen.step, seen.vehicle] - seen.position
+        sums += np.bincount(seen.horizon, error**2, len(HORIZONS))
+        counts += np.bincount(seen.horizon, minlength=len(HORIZONS))
     known = counts > 0
     return float(np.sqrt(np.mean(sums[known] / counts[known])))
 
@@ -170,14 +170,6 @@ def figures_until_last_seen(forecaster: Forecaster, moments: Sequence[Moment]) -
         if (mean := mean_speed(speeds[:, scored])) is not None:
             figures[key] = mean
     return {key: round(value, 3) for key, value in figures.items()}
-
-
-def _distance_when_last_seen(moment: Moment, predicted: NDArray[np.float32], within: int) -> Floats:
-    last = moment.last_seen(within)
-    chosen = np.flatnonzero(~np.ma.getmaskarray(last))
-    place = last.data[chosen], chosen
-    error: Floats = predicted[place].astype(np.float64) - moment.recorded.data[place]
-    return error
 
 
 def evaluate(forecaster: Forecaster, moments: Sequence[Moment]) -> pd.DataFrame:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +20,15 @@ EVERY = 1.0  # [s] ours: between two moments; nearer ones see nearly the same sc
 SCORED = ("car", "truck_bus")  # bicycles take part, but are not scored
 LEAST = round(HORIZONS[0] / DT)  # steps
 LEAST_SEEN = round(1.0 / DT)  # steps, ours: who leaves sooner says nothing about a prediction
+
+
+class Sightings(NamedTuple):
+    """Vehicles when last seen up to a horizon: (sighting,) each; horizon is its number in `HORIZONS`, position in m."""
+
+    horizon: NDArray[np.int64]
+    step: NDArray[np.int64]
+    vehicle: NDArray[np.int64]
+    position: NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,6 +70,18 @@ class Moment:
     def last_seen(self, within: int = STEPS) -> np.ma.MaskedArray[Any, np.dtype[np.int64]]:
         """(vehicle,), as of `last_seen`."""
         return last_seen(self.scored, within)
+
+    @cached_property
+    def sightings(self) -> Sightings:
+        """Where everyone recorded at the start was when last seen up to each of the `HORIZONS`."""
+        parts = []
+        for number, horizon in enumerate(HORIZONS):
+            last = self.last_seen(round(horizon / DT))
+            vehicle = np.flatnonzero(~np.ma.getmaskarray(last))
+            step = last.data[vehicle]
+            parts.append((np.full(len(vehicle), number), step, vehicle, self.recorded.data[step, vehicle]))
+        horizon_number, step, vehicle, position = (np.concatenate(one) for one in zip(*parts, strict=True))
+        return Sightings(horizon_number, step, vehicle, position.astype(np.float64))
 
     def tracks(self) -> list[Track]:
         """The tracks of the vehicles present: (vehicle,)."""
