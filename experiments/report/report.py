@@ -85,7 +85,7 @@ def report(results: Json, about: Json, seconds: Mapping[str, float]) -> str:
         _introduction(about, seconds),
         report_table(("figure", "paper, on inD", "ours, with 95 % interval", "bar", "command"), rows),
         *_sections(results),
-        *_places(results.get("places")),
+        *_places(results["places"]),
         *_ablations(results.get("ablations")),
         "## Time taken",
         report_table(("stage", "s"), [(name, f"{taken:.0f}") for name, taken in seconds.items()]),
@@ -151,9 +151,9 @@ def _sections(results: Json) -> Iterator[str]:
     yield "![Gain over the share of cooperative vehicles](figures/maneuvers.svg)"
 
 
-def _places(found: Json | None) -> Iterator[str]:
+def _places(found: Json) -> Iterator[str]:
     """Each place by itself, if `make reproduce` has learned from several."""
-    if found is None or len(found["validation"]) < 2:
+    if len(found["validation"]) < 2:
         return
     yield "## Each place\n\nWhat is above is of the first. After 10 s, validation:"
     for name, of_place in found["validation"].items():

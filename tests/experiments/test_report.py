@@ -82,6 +82,7 @@ def computed(tmp_path_factory: pytest.TempPathFactory) -> Results:
         results["closed_loop"] = _closed_loop(tmp_path_factory.mktemp("policies"))
         results["runtime"] = runtime_results(runtime.Options(policy="ppo", scenes=2))
     results["default"] = _default()
+    results["places"] = {"development": {}, "validation": {}}
     results["reproduced"] = {"about": ABOUT, "seconds": SECONDS}
     whole: Results = json.loads(json.dumps(results))
     assert set(whole) == set(RESULTS)

@@ -7,7 +7,11 @@ from dataclasses import replace
 from intersection_env import Scenes
 
 
+LEAST = 30.0  # [s]; of a shorter scene few moments have 10 s left
+
+
 def small_scenes(*splits: str, each: int = 3) -> Scenes:
-    """The first scenes that ship of each of these splits."""
+    """The first scenes that ship of each of these splits, of those that are long enough to predict in."""
     scenes = Scenes.load("bendplatz")
-    return replace(scenes, scenes=tuple(scene for split in splits for scene in scenes.select(split).scenes[:each]))
+    long = [[scene for scene in scenes.select(split) if scene.duration >= LEAST] for split in splits]
+    return replace(scenes, scenes=tuple(scene for of_split in long for scene in of_split[:each]))

@@ -73,7 +73,7 @@ def trained(workspace: Workspace, monkeypatch: pytest.MonkeyPatch) -> Trainings:
 
     monkeypatch.setattr(ablations, "run_trainings", train)
     monkeypatch.setattr(intervals, "RESAMPLES", 20)
-    monkeypatch.setattr(ablations, "LEAD_MOMENTS", 6)
+    monkeypatch.setattr(ablations, "LEAD_MOMENTS", 8)
     monkeypatch.setattr(lead_across, "STANDING", 50.0)  # in so few moments nobody stands
     torch.manual_seed(0)
     Ablations(workspace).run()
