@@ -212,7 +212,7 @@ def train_driver(
                     best |= {"error": row["predicted"], "epoch": epoch, "policy": deepcopy(driver.policy.state_dict())}
                 epochs.show(
                     accuracy=f"{row['accuracy']:.2f}",
-                    alone=f"{error.rmse:.1f}",
+                    alone="nobody" if error.rmse is None else f"{error.rmse:.1f}",
                     bias=f"{row['until_last_seen']['bias']:.1f}",
                     empty=f"{alone.least:.2f}",
                     best=f"{best['error']:.2f}",
@@ -301,7 +301,7 @@ def main(settings: GailSettings) -> int:
         figures = dataclasses.asdict(replay_error(driver.policy, places, "development"))
         about: dict[str, Any] = {"made_by": COMMAND, "settings": decisive(settings)}
         about |= {"maps": map_names(places), "sha256": hashes}
-        about["development"] = {key: round(value, 6) for key, value in figures.items()}
+        about["development"] = {key: None if value is None else round(value, 6) for key, value in figures.items()}
         print(f"alone among the recorded vehicles of development, 10 s: {about['development']}")
         about |= _figures(Predictor(driving_policy(decider, driver.policy, {}), "gail"), places)
         driving_policy(decider, driver.policy, about).save(command.output)

@@ -27,10 +27,10 @@ TO_LINE = Driving.DISTANCE_TO_STOP_LINE
 class ReplayError:
     """Errors of the distance along the route 10 s after a vehicle's first recorded step."""
 
-    rmse: float
-    """[m]"""
-    mad: float
-    """Median of the absolute error [m]."""
+    rmse: float | None
+    """[m]; None if there is no vehicle to score."""
+    mad: float | None
+    """Median of the absolute error [m], or None."""
     count: int
     """Vehicles recorded for so long, and not to blame for a collision before."""
     collisions: float
@@ -61,8 +61,8 @@ def replay_error(
     every = [_driven(policy, replays(place, split)) for place in places]
     error = np.concatenate([one.error for one in every])
     return ReplayError(
-        rmse=float(np.sqrt(np.mean(error**2))),
-        mad=float(np.median(np.abs(error))),
+        rmse=float(np.sqrt(np.mean(error**2))) if len(error) else None,
+        mad=float(np.median(np.abs(error))) if len(error) else None,
         count=len(error),
         collisions=sum(one.collided for one in every) / sum(one.vehicles for one in every),
         line_runs=sum(one.crossed for one in every) / max(sum(one.held for one in every), 1),

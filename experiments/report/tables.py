@@ -103,7 +103,7 @@ def replay_table(found: Json) -> str:
     rows = [
         (
             called(name),
-            *(f"{row[key]:.2f}" for key in ("rmse", "mad")),
+            *("" if row[key] is None else f"{row[key]:.2f}" for key in ("rmse", "mad")),
             str(row["count"]),
             *(f"{100.0 * row[key]:.2f} %" for key in ("collisions", "line_runs")),
         )

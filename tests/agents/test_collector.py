@@ -41,7 +41,7 @@ def test_log_probabilities_and_values_of_a_rollout_are_the_networks(make: Callab
     torch.testing.assert_close(data["state_value"].squeeze(-1), value, atol=NETWORK_TOLERANCE, rtol=0)
     done, following = data["next", "done"], data["next", "state_value"]
     assert done.sum() > 20
-    assert data["next", "terminated"].sum() > 5
+    assert data["next", "terminated"].sum() > 2
     assert not (data["next", "terminated"] & ~done).any()
     goes_on = ~done[:, :-1]
     torch.testing.assert_close(following[:, :-1][goes_on], data["state_value"][:, 1:][goes_on], atol=0, rtol=0)

@@ -39,7 +39,7 @@ def test_seeds_side_by_side_do_what_each_does_alone_and_one_may_fail(
         ({"workers": 2}, "workers needs Ray, which is not installed: pip install -e '.[ray]'"),
         ({"seeds": (1, 2)}, "seeds needs Ray, which is not installed: pip install -e '.[ray]'"),
         ({"seeds": (1, 2), "workers": 2}, "--seeds and --workers do not go together"),
-        ({"workers": 3}, "2 worlds can be divided"),
+        ({"workers": 3}, "2 worlds of each of 2 environments can be divided"),
     ],
 )
 def test_what_cannot_be_had_without_ray_is_said(

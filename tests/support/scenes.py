@@ -6,7 +6,6 @@ from dataclasses import replace
 
 from intersection_env import Scenes
 
-
 LEAST = 30.0  # [s]; of a shorter scene few moments have 10 s left
 
 
