@@ -72,7 +72,7 @@ class Replay(gymnasium.Env[Array, Array]):
     | | feature | unit | least | most |
     |---|---|---|---|---|
     | 0 | d_stop, front bumper to the stop line | m | -208.2 | 153.8 |
-    | 1 | v, speed | m/s | 0 | 65.3 |
+    | 1 | v, speed | m/s | 0 | 65.7 |
     | 2 | v_max, speed limit | m/s | 0 | 14.0 |
     | 3 | the road's heading 10 m behind, relative to that here | rad | -π | π |
     | 4 | 3 m behind | rad | -π | π |
@@ -81,7 +81,7 @@ class Replay(gymnasium.Env[Array, Array]):
     | 7 | 30 m ahead | rad | -π | π |
     | 8 | 100 m ahead | rad | -π | π |
     | 9 | d_lead, to the vehicle ahead in the own lane; 100 without one | m | -50 | 100 |
-    | 10 | v_lead, its speed; 100 km/h without one | m/s | 0 | 65.3 |
+    | 10 | v_lead, its speed; 100 km/h without one | m/s | 0 | 65.7 |
     | 11 | delta, 1 if the vehicle may enter, 0 if it has to wait | | 0 | 1 |
 
     ![What an agent sees](pictures/features.png)

@@ -69,7 +69,7 @@ def test_reward_is_minus_the_log_of_being_the_policys_and_0_where_there_is_no_te
 
 
 def test_discriminator_sits_at_chance_on_two_halves_of_one_set() -> None:
-    both = torch.from_numpy(expert_steps(small_scenes("train"), "train").observation)
+    both = torch.from_numpy(expert_steps(small_scenes("train", each=20), "train").observation)
     shuffled = both[torch.randperm(len(both))][: len(both) // 2 * 2]
     _, seen = learned(shuffled[::2], shuffled[1::2])
     accuracy = torch.stack([terms["accuracy"] for terms in seen])

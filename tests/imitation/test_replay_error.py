@@ -68,8 +68,10 @@ def distances(scenes: Scenes) -> tuple[NDArray[np.float64], NDArray[np.float64]]
 def test_who_drives_as_recorded_makes_no_error(scenes: Scenes, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(imitation.tracks, "ReplayWorlds", Watched)
     error = replay_error(Follower(), scenes, "development")
-    assert error.rmse is not None and error.rmse < 0.05
-    assert error.mad is not None and error.mad < 0.02
+    assert error.rmse is not None
+    assert error.rmse < 0.05
+    assert error.mad is not None
+    assert error.mad < 0.02
     assert error.count == len(distances(scenes)[0]) > 5
     assert error.collisions == 0.0
 
