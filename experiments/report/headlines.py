@@ -61,12 +61,15 @@ def headlines(results: Json) -> Iterator[Row]:
         ("distance_mad", "distance MAD at 10 s", "6 m", "m"),
     ):
         yield Row(what, paper, in_unit(gail[key], unit), command=commands["horizon"])
+        figure = what.split()[1]
         paper_ratio = {"distance_rmse": "0.6", "distance_mad": "0.8"}[key]
         to_idm, to_best = gail[f"{key}_to_idm"], gail[f"{key}_to_idm_calibrated"]
         met = to_idm["value"] <= float(paper_ratio)
-        yield Row("... to the IDM's", paper_ratio, in_unit(to_idm), f"at most {paper_ratio}", met)
+        yield Row(f"... its {figure} to the IDM's", paper_ratio, in_unit(to_idm), f"at most {paper_ratio}", met)
         met = to_best["value"] <= 0.8
-        yield Row("... to the calibrated IDM's", "", in_unit(to_best), "at most 0.8", met, commands["horizon"])
+        yield Row(
+            f"... its {figure} to the calibrated IDM's", "", in_unit(to_best), "at most 0.8", met, commands["horizon"]
+        )
     lost = gail["time_loss_rmse"]
     met = lost["value"] <= 1.2
     yield Row("time-loss RMSE at 10 s", "2.0 s", in_unit(lost, "s"), "at most 1.2 s", met, commands["horizon"])

@@ -38,6 +38,11 @@ def test_kept_figures_stay_while_todays_change(folder: Path) -> None:
     assert "before (0123456)" in table.splitlines()[0]
 
 
+def test_no_two_headlines_have_one_name() -> None:
+    names = [row.what for row in headlines(results_in(SHIPPED))]
+    assert len(set(names)) == len(names)
+
+
 def test_baseline_is_never_overwritten(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     keep("before", folder, COMMIT)
     with pytest.raises(ValueError, match='holds a baseline "before" already'):

@@ -41,7 +41,11 @@ def test_desynchronised_worlds_begin_anywhere_within_their_tracks() -> None:
         one, time = windows.track(int(loop.track[world])), int(loop.time[world])
         assert one.first_recorded <= time < one.stop - 1
         assert float(state["position"][world]) == pytest.approx(one.position[time - one.start], abs=1e-4)
-        share += [(time - one.first_recorded) / (one.stop - 2 - one.first_recorded)] if one.stop - one.first_recorded > 30 else []
+        share += (
+            [(time - one.first_recorded) / (one.stop - 2 - one.first_recorded)]
+            if one.stop - one.first_recorded > 30
+            else []
+        )
     assert 0.35 < np.mean(share) < 0.65
     assert min(share) < 0.1
     assert max(share) > 0.9
