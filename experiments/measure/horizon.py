@@ -142,9 +142,9 @@ def _at_10s(found: Errors, quantity: str) -> MaskedFloats:
 
 def _intervals(
     found: dict[str, Errors], name: str, samples: Callable[[Errors, str], MaskedFloats]
-) -> dict[str, dict[str, float]]:
-    """Of a model's figures, and of their ratios to other models' figures."""
-    result: dict[str, dict[str, float]] = {}
+) -> dict[str, dict[str, float] | None]:
+    """Of a model's figures, and of their ratios to other models' figures; None where the other has no error."""
+    result: dict[str, dict[str, float] | None] = {}
     others = [other for other in REFERENCES if other in found and other != name]
     for quantity in QUANTITIES:
         of = {one: samples(found[one], quantity) for one in (name, *others)}
@@ -160,7 +160,7 @@ def _intervals(
     return result
 
 
-def _interval(recording: Names, errors: list[Floats], figure: str) -> dict[str, float]:
+def _interval(recording: Names, errors: list[Floats], figure: str) -> dict[str, float] | None:
     """Of the figure of one model's errors (sample,), or of the ratio of two models' figures."""
     rows, of = np.stack(errors, axis=1), FIGURES[figure]
 
@@ -168,7 +168,10 @@ def _interval(recording: Names, errors: list[Floats], figure: str) -> dict[str, 
         ours, *reference = (of(model) for model in samples.T)
         return ours / reference[0] if reference else ours
 
-    return interval({one: rows[recording == one] for one in sorted(set(recording.tolist()))}, statistic)
+    try:
+        return interval({one: rows[recording == one] for one in sorted(set(recording.tolist()))}, statistic)
+    except ZeroDivisionError:  # all drive at constant velocity, say
+        return None
 
 
 def measured(forecasters: Sequence[Forecaster], moments: Sequence[Moment]) -> dict[str, Any]:

@@ -11,7 +11,7 @@ import pandas as pd
 import pytest
 
 from experiments.measure.horizon import Options, horizon_results, main
-from experiments.show.horizon import MODELS, plot_errors, until_last_seen_table
+from experiments.show.horizon import MODELS, errors_text, plot_errors, until_last_seen_table
 from intersection_env import Predictor, Scenes
 from intersection_env.evaluation.errors import Errors, evaluate
 from intersection_env.evaluation.moments import moments_of
@@ -132,3 +132,12 @@ def test_no_moment_to_predict_from_is_an_error(tmp_path: Path, capsys: pytest.Ca
     assert "no moments" in capsys.readouterr().err
     assert main(Options((tmp_path / "scenes.npz",), policies=("hero",), out=tmp_path)) == 1
     assert 'no policy "hero"' in capsys.readouterr().err
+
+
+def test_ratio_to_a_model_without_error_is_undefined() -> None:
+    right = made([0.0, 0.0, 0.0, 0.0], list("xxyy"), [True] * 4)
+    wrong = made([1.0, -2.0, 3.0, 4.0], list("xxyy"), [True] * 4)
+    found = horizon_results({"constant_velocity": right, "gail": wrong})
+    assert found["until_last_seen"]["gail"]["distance_rmse_to_constant_velocity"] is None
+    assert found["until_last_seen"]["gail"]["distance_rmse"]["value"] > 0.0
+    assert "gail" in errors_text(found)
