@@ -220,6 +220,8 @@ def main(settings: PpoSettings) -> int:
     with Command(settings.run / "ppo.policy") as command:
         deciders = [gap_decider(gap) for gap in settings.gaps]
         maps = [Intersection.load(name) for name in settings.map]
+        if len({one.checksum for one in maps}) < len(maps):
+            raise ValueError(f"--map names a map twice: {', '.join(settings.map)}")
         data = " ".join([*(gap_hash(decider) for decider in deciders), *(one.checksum for one in maps)])
         folder = RunFolder.begin(settings.run, decisive(settings), data, settings.resume, settings.tensorboard)
         driver = train_driver(settings, folder)

@@ -107,8 +107,12 @@ def maps_of(folder: Path, maps: Sequence[str | Path] = ()) -> tuple[Intersection
     there = tuple(one for one in found if set(one.locations) & set(locations.values()))
     for one in found if maps or not there else ():
         if one not in there:
-            id, location = next(iter(locations.items()))
-            check_location(id, location, one)
+            wanted, are = (", ".join(map(str, sorted(set(each)))) for each in (one.locations, locations.values()))
+            raise ValueError(
+                f'map "{one.name}": no recording in {folder} lies on it: it is made for location {wanted or "none"},'
+                f" the recordings are of location {are}; give a map of that place (--map PATH, a source .json or"
+                f' compiled .map whose "locations" lists {are})'
+            )
     return there
 
 
@@ -155,9 +159,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
                 f"--out {options.out} is one file, and recordings lie on several maps ({names}); give a --map, or as"
                 " --out a folder"
             )
-        for one in maps:
+        for one in _with_recordings(options.folder, maps, options.recordings):
             path = options.out if options.out.suffix == ".npz" else options.out / f"{one.name}.npz"
-            scenes = build(options.folder, one, options.recordings)
+            on_map = recordings_on(options.folder, one)[0]
+            wanted = None if options.recordings is None else [id for id in options.recordings if id in on_map]
+            scenes = build(options.folder, one, wanted)
             if not len(scenes):
                 raise ValueError(f"{options.folder}: no stretch is left to make a scene of\n{summary(scenes)}")
             scenes.save(path)
@@ -167,6 +173,17 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print(f"error: {error}", file=sys.stderr)
         return 1
     return 0
+
+
+def _with_recordings(folder: Path, maps: Sequence[Intersection], wanted: Sequence[str] | None) -> list[Intersection]:
+    """Those maps on which recordings, or those wanted, lie; a map that was given in vain is refused."""
+    if wanted is None:
+        return list(maps)
+    placed = {one.name: recordings_on(folder, one)[0] for one in maps}
+    for id in wanted:
+        if not any(id in on_map for on_map in placed.values()):
+            _chosen(folder, maps[0], placed[maps[0].name], [id])  # says what is wrong with it
+    return [one for one in maps if any(id in placed[one.name] for id in wanted)]
 
 
 def _chosen(folder: Path, intersection: Intersection, on_map: Sequence[str], wanted: Sequence[str] | None) -> list[str]:

@@ -20,6 +20,7 @@ from intersection_env.maps.intersection import MAPS, Intersection
 from intersection_env.maps.source import MapSource
 from intersection_env.plots.files import write_figure
 
+ABOUT = "Lanes moved to where recorded cars drive (python -m data.align): traced, under the recordings' licence."
 NOTE = "traced from recordings: what their licence says of them holds for this map and its picture, too"
 
 
@@ -29,6 +30,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("map", help="a shipped map's name, or the path of a source .json")
     parser.add_argument("folder", type=Path, help="folder with recordings in inD's format (.csv or .csv.xz)")
     parser.add_argument("--out", type=Path, required=True, help="the map source to write (.json)")
+    parser.add_argument("--name", help="of the new map, one word; by default NAME_aligned")
     parser.add_argument("--picture", type=Path, help="the picture to write; by default a .png beside --out")
     parser.add_argument(
         "--least-cars", type=int, default=LEAST_CARS, help=f"lanes with fewer cars stay (default: {LEAST_CARS})"
@@ -42,7 +44,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         on_map, _ = recordings_on(options.folder, before)
         recordings = [read_recording(options.folder, id) for id in on_map]
         alignment = align(source, before, recordings, options.least_cars)
-        write_source(path, alignment.source, options.out)
+        write_source(path, alignment.source, options.out, options.name or f"{source.name}_aligned", ABOUT)
         picture = options.picture or options.out.with_suffix(".png")
         write_figure(plot_alignment(alignment), picture)
     except (OSError, ValueError) as error:

@@ -20,7 +20,7 @@ def report(alignment: Alignment) -> str:
     after = _figures(alignment.after, alignment.drives[1])
     lines += [f"{route.id:<10}{before[route.index]}   {after[route.index]}" for route in alignment.before.routes]
     lines.append("left: the median of how far left of the line a car drives; aside: of the distance, whichever side")
-    lines.append("lanes, moved to the left [m]:")
+    lines.append("lanes, moved to the left in all rounds together [m]:")
     for name in alignment.source.lanes:
         lines.append(f"  {name:<20} {_shift(alignment, name)}")
     return "\n".join([*lines, *alignment.limited])

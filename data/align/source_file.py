@@ -12,13 +12,14 @@ from intersection_env.files import written_whole
 from intersection_env.maps.source import Lane, MapSource
 
 
-def write_source(original: Path, source: MapSource, path: Path) -> None:
-    """The file `original` with the lanes of `source`, to the centimetre, at `path`.
+def write_source(original: Path, source: MapSource, path: Path, name: str, about: str) -> None:
+    """The file `original` with the lanes of `source`, to the centimetre, at `path`, under a name of its own.
 
     Raises:
         OSError: a file cannot be read or written.
     """
     content = json.loads(original.read_text(encoding="utf-8"))
+    content |= {"name": name, "about": " ".join(filter(None, (content.get("about"), about)))}
     content["lanes"] = {name: _lane(lane) for name, lane in source.lanes.items()}
     with written_whole(path) as temporary:
         temporary.write_text(_text(content), encoding="utf-8")

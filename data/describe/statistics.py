@@ -23,6 +23,7 @@ from intersection_env.constants import DT
 from intersection_env.scenes.places import load_places
 from intersection_env.scenes.scenes import Scenes
 
+BARS_FOR = 901  # location of the simulated Bendplatz
 LEAST_PAIRS = 400.0  # [1/h], ours: fewer are too few decisions to learn from in the hours that ship
 CRITICAL_GAP = (4.0, 7.0)  # [s], ours: about the Highway Capacity Manual's 4.1 to 7.1 s
 
@@ -132,6 +133,11 @@ def describe(figures: Statistics, with_bars: bool = True) -> str:
     )
 
 
+def _is_stand_in(scenes: Scenes) -> bool:
+    """Whether they are of the simulated recordings of Bendplatz, for which the bars are."""
+    return all(one["location"] == BARS_FOR for one in scenes.provenance["recordings"])
+
+
 def _speeds(spread: Spread | None) -> str:
     if spread is None:
         return "too few vehicles"
@@ -184,7 +190,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return 1
     for name, scenes in zip(options.scenes, places, strict=True):
         title = f"{name}, map {scenes.intersection.name}"
-        print(f"{title}\n{'-' * len(title)}\n{describe(statistics(scenes))}\n")
+        print(f"{title}\n{'-' * len(title)}\n{describe(statistics(scenes), _is_stand_in(scenes))}\n")
     return 0
 
 

@@ -7,8 +7,10 @@ Both environments' docstrings tell of the reward, as each is a manual of its own
 
 from __future__ import annotations
 
+import argparse
 import inspect
 import re
+from collections.abc import Sequence
 from typing import Any
 
 import gymnasium
@@ -129,8 +131,11 @@ def _save(name: str, picture: NDArray[np.uint8]) -> None:
         Image.fromarray(picture).save(temporary, format="png", optimize=True)
 
 
-def main() -> None:
-    """Writes page and pictures."""
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Writes docs/environments.md and its pictures."""
+    argparse.ArgumentParser(
+        prog="python -m experiments.documentation.environments", description=main.__doc__
+    ).parse_args(arguments)
     draw()
     with written_whole(PAGE) as temporary:
         temporary.write_text(page(), encoding="utf-8")

@@ -7,8 +7,10 @@ The page's prose stands in `results_page.md` beside this file, with {{name}} whe
 
 from __future__ import annotations
 
+import argparse
 import json
 import re
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -106,8 +108,11 @@ def readme() -> str:
     return filled(README.read_text(encoding="utf-8"), {"figures": figures_section(results_in(RESULTS))})
 
 
-def main() -> None:
-    """Writes the page, and the README's figures."""
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Writes docs/results.md and the README's figures."""
+    argparse.ArgumentParser(prog="python -m experiments.documentation.results", description=main.__doc__).parse_args(
+        arguments
+    )
     for path, text in ((PAGE, page()), (README, readme())):
         with written_whole(path) as temporary:
             temporary.write_text(text, encoding="utf-8")

@@ -5,9 +5,10 @@ python -m experiments.report        from the results files, as `make reproduce` 
 
 from __future__ import annotations
 
+import argparse
 import json
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -186,8 +187,9 @@ def _write(path: Path, text: str) -> None:
         temporary.write_text(text, encoding="utf-8")
 
 
-def main() -> int:
+def main(arguments: Sequence[str] | None = None) -> int:
     """Writes the report anew from `experiments/results`; returns the exit status."""
+    argparse.ArgumentParser(prog="python -m experiments.report", description=main.__doc__).parse_args(arguments)
     try:
         write_report(Path("experiments/results"))
     except (OSError, ValueError, KeyError) as error:

@@ -162,6 +162,8 @@ def _its_intersection(header: dict[str, Any], intersection: Intersection | None)
             raise ValueError(
                 f'its map "{name}" does not ship; give it: --map MAP.json, in Python map= (Scenes.load(path, map))'
             ) from None
+    if name != intersection.name:
+        raise ValueError(f'made on map "{name}", not on map "{intersection.name}"; give the map that they were made on')
     if checksum != intersection.checksum:
         raise ValueError(
             f'made on map "{name}" with checksum {checksum}, but map "{intersection.name}" now has'

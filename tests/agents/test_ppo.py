@@ -127,6 +127,7 @@ def test_command_line_reaches_nested_settings() -> None:
         ({"gaps": ("missing.policy",)}, "missing.policy"),
         ({"gaps": ("hero",)}, 'no policy "hero"'),
         ({"map": ("nowhere",)}, "nowhere"),
+        ({"map": ("bendplatz", "bendplatz")}, "--map names a map twice: bendplatz, bendplatz"),
         ({"worlds": 0}, "0 worlds cannot be shared by 1"),
         ({"gaps": ()}, "map: 1, gaps: 0: 4 worlds cannot be shared by 0"),
         ({"gaps": ("gap", "sumo"), "worlds": 1}, "map: 1, gaps: 2: 1 worlds cannot be shared by 2"),

@@ -157,7 +157,7 @@ def test_command_writes_map_picture_and_table(
 ) -> None:
     traffic(tmp_path / "in", true_map)
     moved = shifted(MapSource.read(TRUE), {"W_in": shift("W_in", -1.0, -1.0)})
-    write_source(TRUE, moved, tmp_path / "wrong.json")
+    write_source(TRUE, moved, tmp_path / "wrong.json", "wrong", "Moved.")
     out = tmp_path / "deep" / "right.json"
     assert main([str(tmp_path / "wrong.json"), str(tmp_path / "in"), "--out", str(out)]) == 0
     printed = capsys.readouterr().out
@@ -168,7 +168,10 @@ def test_command_writes_map_picture_and_table(
     assert float(row[7]) < 0.25
     assert {path.name for path in out.parent.iterdir()} == {"right.json", "right.png"}
     before, after = (json.loads(path.read_text()) for path in (TRUE, out))
-    assert {**after, "lanes": 0} == {**before, "lanes": 0}
+    kept = ("format", "version", "locations", "arms", "stop_lines", "routes", "yields")
+    assert {key: after[key] for key in kept} == {key: before[key] for key in kept}
+    assert after["name"] == "wrong_aligned"
+    assert "Moved. Lanes moved to where recorded cars drive" in after["about"]
     assert compiled(MapSource.read(out)).locations == (LOCATION,)
 
 

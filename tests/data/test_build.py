@@ -52,7 +52,7 @@ def test_recording_of_another_location_is_refused(
     folder_of(tmp_path, bendplatz, 1, location=4)
     assert main([str(tmp_path), "--out", str(tmp_path / "scenes.npz")]) == 1
     message = capsys.readouterr().err
-    for word in ("recording 00 is of location 4", '"bendplatz" is made for location 1, 901', "--map PATH"):
+    for word in ("recordings are of location 4", '"bendplatz": no recording in', "location 1, 901", "--map PATH"):
         assert word in message
     assert not (tmp_path / "scenes.npz").exists()
 
@@ -108,8 +108,12 @@ def test_recordings_of_two_places_make_a_file_each(
     assert (tmp_path / "both" / "bendplatz.npz").read_bytes() == (tmp_path / "shipped" / "bendplatz.npz").read_bytes()
     splits = {scene.recording: scene.split for scene in Scenes.load(tmp_path / "both" / "mine.npz", both[2])}
     assert splits == {"20": "train", "21": "development", "22": "validation"}
-    capsys.readouterr()
+    assert main([str(folder), *both, "--recordings", "21", "--out", str(tmp_path / "some")]) == 0
+    assert [path.name for path in (tmp_path / "some").iterdir()] == ["mine.npz"], "where the recording lies"
+    assert main([str(folder), *both, "--recordings", "99", "--out", str(tmp_path / "none")]) == 1
+    assert "no recording 99 here" in capsys.readouterr().err
+    assert not (tmp_path / "none").exists()
     assert main([str(folder), *both, "--out", str(tmp_path / "one.npz")]) == 1
     assert "recordings lie on several maps (bendplatz, mine); give a --map" in capsys.readouterr().err
     assert main([str(folder), "--map", "t_junction", "--out", str(tmp_path / "one.npz")]) == 1
-    assert 'recording 00 is of location 901, but map "t_junction" is made for' in capsys.readouterr().err
+    assert 'map "t_junction": no recording in' in capsys.readouterr().err

@@ -84,7 +84,7 @@ def test_figures_describe_the_scenes(
         on_route(bendplatz, "SW-NE", 2, 0.0, lambda t: waiting(t) - 10.0, 20.0),
         on_route(bendplatz, "SE-NW", 3, 0.0, steady(130.0, 4.0), 20.0, "bicycle"),
     ]
-    write_recording(tmp_path, "07", movers)
+    write_recording(tmp_path, "07", movers, location=901)
     scenes = build(tmp_path, bendplatz, progress=False)
     figures = statistics(scenes)
     assert figures.vehicles == {"bicycle": 1, "car": 2}

@@ -189,7 +189,7 @@ def test_map_that_is_not_that_of_the_scenes_is_refused(
     scenes, file = own_scenes(tmp_path, "00")
     with pytest.raises(ValueError, match=r'mine\.npz: its map "mine" does not ship; give it: --map .*, in Python map='):
         kind(scenes=scenes)
-    with pytest.raises(ValueError, match=r'made on map "mine" with checksum \w+, but map "t_junction" now has'):
+    with pytest.raises(ValueError, match='made on map "mine", not on map "t_junction"'):
         kind(scenes=scenes, map="t_junction")
     with pytest.raises(ValueError, match=r'map: the scenes handed over lie on map "mine" .* not on "bendplatz"'):
         kind(scenes=Scenes.load(scenes, file), map="bendplatz")

@@ -413,12 +413,12 @@ def test_results_that_are_missing_or_malformed_are_an_error(
     folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    assert report.main() == 1
+    assert report.main([]) == 1
     assert "gap_development.json" in capsys.readouterr().err
     out = tmp_path / "experiments" / "results"
     shutil.copytree(folder, out)
     (out / "runtime.json").write_text("{", encoding="utf-8")
-    assert report.main() == 1
+    assert report.main([]) == 1
     assert "runtime.json: not JSON" in capsys.readouterr().err
 
 

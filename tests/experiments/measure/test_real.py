@@ -90,5 +90,5 @@ def test_recordings_that_ship_are_said_to_be_no_test(own: Options) -> None:
 
 def test_recordings_without_a_map_are_refused(own: Options, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(Options(own.recordings, (), own.out)) == 1
-    assert f"recording 40 is of location {LOCATION}" in capsys.readouterr().err
+    assert f"the recordings are of location {LOCATION}" in capsys.readouterr().err
     assert not own.out.exists()

@@ -141,7 +141,7 @@ def empty(folder: Path) -> Path:
         (empty, "bad"),
         (another_data_set, "bad"),
         (malformed, "08_tracks.csv"),
-        (lambda folder: record(folder, "00", "01", location=4), "recording 00 is of location 4"),
+        (lambda folder: record(folder, "00", "01", location=4), "the recordings are of location 4"),
         (lambda folder: record(folder, "07"), 'no scene for split "development"'),
         (lambda folder: record(folder, "07", "08"), 'no scene for split "development"'),
     ],
@@ -170,7 +170,7 @@ def test_bad_recordings_are_named_before_anything_is_trained(
     ("change", "said"),
     [
         ({"map": ("nowhere",)}, 'no map "nowhere" ships (there are bendplatz, crossroads, t_junction)'),
-        ({"map": ("bendplatz", "t_junction")}, 'recording 07 is of location 1, but map "t_junction" is made for'),
+        ({"map": ("bendplatz", "t_junction")}, 'map "t_junction": no recording in'),
         ({"map": ("bendplatz", "intersection_env/maps/bendplatz.json")}, 'two maps are called "bendplatz"'),
         ({"seeds": ()}, "--seeds names no seed"),
         ({"effort": -1.0}, "--effort is -1; wanted more than 0"),
