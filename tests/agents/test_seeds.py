@@ -27,7 +27,7 @@ def test_seeds_side_by_side_do_what_each_does_alone_and_one_may_fail(
     assert "seed 7: error:" in printed.err
     assert "holds a run already" in printed.err
     for seed in (1, 2):
-        assert f"seed {seed}: 2000 s" in printed.out
+        assert f"seed {seed}: bendplatz, 2000 s" in printed.out
         assert (tmp_path / "runs" / f"seed_{seed}" / "ppo.policy").exists()
         train_alone(replace(TINY, run=tmp_path / f"alone_{seed}", seed=seed))
         assert outcome(tmp_path / "runs" / f"seed_{seed}") == outcome(tmp_path / f"alone_{seed}")
