@@ -18,7 +18,7 @@ from data.formats.ind import read_location, read_recording, recording_files, rec
 from data.pipeline.extrapolation import HORIZON
 from data.pipeline.filters import CROSSING_MARGIN, OVERTAKING_MARGIN
 from data.pipeline.projection import MAX_EXCESS, RMS_EXCESS
-from data.pipeline.scenes_of import LEAST_DURATION, build_scenes, check_location
+from data.pipeline.scenes_of import LEAST_DURATION, build_scenes, check_location, give_map_of
 from data.pipeline.split import split_of
 from intersection_env.constants import DT
 from intersection_env.maps.intersection import Intersection, shipped_maps
@@ -110,8 +110,7 @@ def maps_of(folder: Path, maps: Sequence[str | Path] = ()) -> tuple[Intersection
             wanted, are = (", ".join(map(str, sorted(set(each)))) for each in (one.locations, locations.values()))
             raise ValueError(
                 f'map "{one.name}": no recording in {folder} lies on it: it is made for location {wanted or "none"},'
-                f" the recordings are of location {are}; give a map of that place (--map PATH, a source .json or"
-                f' compiled .map whose "locations" lists {are})'
+                f" the recordings are of location {are}; {give_map_of(are)}"
             )
     return there
 
@@ -159,10 +158,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
                 f"--out {options.out} is one file, and recordings lie on several maps ({names}); give a --map, or as"
                 " --out a folder"
             )
-        for one in _with_recordings(options.folder, maps, options.recordings):
+        for one, wanted in _wanted_on(options.folder, maps, options.recordings):
             path = options.out if options.out.suffix == ".npz" else options.out / f"{one.name}.npz"
-            on_map = recordings_on(options.folder, one)[0]
-            wanted = None if options.recordings is None else [id for id in options.recordings if id in on_map]
             scenes = build(options.folder, one, wanted)
             if not len(scenes):
                 raise ValueError(f"{options.folder}: no stretch is left to make a scene of\n{summary(scenes)}")
@@ -175,15 +172,18 @@ def main(arguments: Sequence[str] | None = None) -> int:
     return 0
 
 
-def _with_recordings(folder: Path, maps: Sequence[Intersection], wanted: Sequence[str] | None) -> list[Intersection]:
-    """Those maps on which recordings, or those wanted, lie; a map that was given in vain is refused."""
+def _wanted_on(
+    folder: Path, maps: Sequence[Intersection], wanted: Sequence[str] | None
+) -> list[tuple[Intersection, list[str] | None]]:
+    """The maps on which recordings that are wanted lie, and which; None stands for all. One on no map is refused."""
     if wanted is None:
-        return list(maps)
-    placed = {one.name: recordings_on(folder, one)[0] for one in maps}
+        return [(one, None) for one in maps]
+    placed = [(one, recordings_on(folder, one)[0]) for one in maps]
     for id in wanted:
-        if not any(id in on_map for on_map in placed.values()):
-            _chosen(folder, maps[0], placed[maps[0].name], [id])  # says what is wrong with it
-    return [one for one in maps if any(id in placed[one.name] for id in wanted)]
+        if not any(id in on_map for _, on_map in placed):
+            _chosen(folder, *placed[0], [id])  # says what is wrong with it
+    chosen = [(one, [id for id in wanted if id in on_map]) for one, on_map in placed]
+    return [(one, own) for one, own in chosen if own]
 
 
 def _chosen(folder: Path, intersection: Intersection, on_map: Sequence[str], wanted: Sequence[str] | None) -> list[str]:

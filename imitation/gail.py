@@ -37,6 +37,7 @@ from intersection_env.evaluation.empty_road import empty_road
 from intersection_env.evaluation.errors import distance_error, figures_until_last_seen
 from intersection_env.evaluation.moments import Moment, followed
 from intersection_env.evaluation.places import moments_in
+from intersection_env.policies.file import PolicyFile
 from intersection_env.policies.named import gap_decider
 from intersection_env.prediction.predictor import Predictor
 from intersection_env.scenes.places import ALL_SCENES, each_place, load_places, map_names
@@ -203,18 +204,14 @@ def train_driver(
             driver.sigma.fill_(geometric(settings.sigma, settings.last_sigma, epochs.share))
             collector.update_policy_weights_()
             if epochs.is_due:
-                error = replay_error(driver.policy, places, "development")
-                predictor = Predictor(driving_policy(decider, driver.policy, {}), "gail")
-                alone = empty_road(predictor, maps=[one.intersection for one in places])
-                row |= {"development": dataclasses.asdict(error), "predicted": distance_error(predictor, watched)}
-                row |= {"until_last_seen": figures_until_last_seen(predictor, watched), "empty_road": alone.figures()}
+                row |= _looked_closer(driver.policy, decider, places, watched)
                 if row["predicted"] < best["error"]:
                     best |= {"error": row["predicted"], "epoch": epoch, "policy": deepcopy(driver.policy.state_dict())}
                 epochs.show(
                     accuracy=f"{row['accuracy']:.2f}",
-                    alone="nobody" if error.rmse is None else f"{error.rmse:.1f}",
+                    alone="nobody" if (alone := row["development"]["rmse"]) is None else f"{alone:.1f}",
                     bias=f"{row['until_last_seen']['bias']:.1f}",
-                    empty=f"{alone.least:.2f}",
+                    empty=f"{row['empty_road']['least']:.2f}",
                     best=f"{best['error']:.2f}",
                 )
             epochs.end(row)
@@ -280,6 +277,19 @@ def _figures(predictor: Predictor, places: Sequence[Scenes]) -> dict[str, Any]:
     print(f"until last seen, development [m]: {until_last_seen}")
     print(f"on an empty road, speed as a share of the calibrated IDM's: {alone.figures()}; least: {alone.where}")
     return {"until_last_seen": until_last_seen, "empty_road": alone.figures()}
+
+
+def _looked_closer(
+    policy: DrivingNetwork, decider: PolicyFile, places: Sequence[Scenes], watched: Sequence[Moment]
+) -> dict[str, Any]:
+    """What a checkpoint's row says of the driver: alone in replays, predicting, and on an empty road."""
+    predictor = Predictor(driving_policy(decider, policy, {}), "gail")
+    return {
+        "development": dataclasses.asdict(replay_error(policy, places, "development")),
+        "predicted": distance_error(predictor, watched),
+        "until_last_seen": figures_until_last_seen(predictor, watched),
+        "empty_road": empty_road(predictor, maps=[one.intersection for one in places]).figures(),
+    }
 
 
 def _watched(places: Sequence[Scenes]) -> list[Moment]:

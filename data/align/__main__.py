@@ -16,7 +16,7 @@ from data.align.report import report
 from data.align.source_file import write_source
 from data.build import recordings_on
 from data.formats.ind import read_recording
-from intersection_env.maps.intersection import MAPS, Intersection
+from intersection_env.maps.intersection import MAPS, Intersection, shipped_maps
 from intersection_env.maps.source import MapSource
 from intersection_env.plots.files import write_figure
 
@@ -64,9 +64,9 @@ def source_path(name_or_path: str) -> Path:
     path = Path(name_or_path)
     if path.suffix == ".json":
         return path
-    shipped = sorted(file.stem for file in MAPS.glob("*.json"))
-    if name_or_path not in shipped:
-        raise ValueError(f'no map "{name_or_path}" ships (there are {", ".join(shipped)}); a file must end in .json')
+    if name_or_path not in shipped_maps():
+        known = ", ".join(shipped_maps())
+        raise ValueError(f'no map "{name_or_path}" ships (there are {known}); a file must end in .json')
     return MAPS / f"{name_or_path}.json"
 
 

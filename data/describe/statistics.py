@@ -19,11 +19,11 @@ from data.describe.real import BENDPLATZ
 from data.describe.speeds import STANDING, Spread, slowest_in_junction, speed_behind_junction
 from data.pipeline.filters import together, touchings
 from data.pipeline.shared_lanes import overlap_length, pair_gap
+from data.sumo import places as simulated
 from intersection_env.constants import DT
 from intersection_env.scenes.places import load_places
 from intersection_env.scenes.scenes import Scenes
 
-BARS_FOR = 901  # location of the simulated Bendplatz
 LEAST_PAIRS = 400.0  # [1/h], ours: fewer are too few decisions to learn from in the hours that ship
 CRITICAL_GAP = (4.0, 7.0)  # [s], ours: about the Highway Capacity Manual's 4.1 to 7.1 s
 
@@ -135,7 +135,7 @@ def describe(figures: Statistics, with_bars: bool = True) -> str:
 
 def _is_stand_in(scenes: Scenes) -> bool:
     """Whether they are of the simulated recordings of Bendplatz, for which the bars are."""
-    return all(one["location"] == BARS_FOR for one in scenes.provenance["recordings"])
+    return all(one["location"] == simulated.BENDPLATZ.location for one in scenes.provenance["recordings"])
 
 
 def _speeds(spread: Spread | None) -> str:

@@ -70,9 +70,13 @@ def check_location(recording: str, location: int, intersection: Intersection) ->
         known = ", ".join(map(str, intersection.locations)) or "none"
         raise ValueError(
             f'recording {recording} is of location {location}, but map "{intersection.name}" is made for location'
-            f" {known}; give a map of that place (--map PATH, a source .json or compiled .map whose"
-            f' "locations" lists {location})'
+            f" {known}; {give_map_of(str(location))}"
         )
+
+
+def give_map_of(location: str) -> str:
+    """What helps against recordings of a location, or of several ("1, 4"), for which a map is not made."""
+    return f'give a map of that place (--map PATH, a source .json or compiled .map whose "locations" lists {location})'
 
 
 def _cut_out(cuts: Iterable[Interval], steps: int, reasons: defaultdict[str, float]) -> NDArray[np.bool_]:

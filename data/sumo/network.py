@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from data.sumo.places import BENDPLATZ
-from intersection_env.maps.curve import Points
+from intersection_env.maps.curve import Points, along
 from intersection_env.maps.source import MapSource, Piece, RouteSource
 
 CENTRE = "centre"
@@ -144,8 +144,7 @@ def _paths(source: MapSource, compiled: str) -> tuple[dict[str, Path2D], set[tup
         pieces = source.pieces(one)
         points = np.concatenate([pieces[0].points, *(piece.points[1:] for piece in pieces[1:])])
         points = points[np.r_[True, np.linalg.norm(np.diff(points, axis=0), axis=1) > 1e-9]]
-        arc = np.r_[0.0, np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))]
-        paths[one.id] = Path2D(one.id, points, arc, stop[one.id], end[one.id])
+        paths[one.id] = Path2D(one.id, points, along(points), stop[one.id], end[one.id])
     ids = [one.id for one in source.routes]
     return paths, {(ids[first], ids[second]) for first, second in conflicts}
 
