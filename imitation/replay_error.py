@@ -1,4 +1,4 @@
-"""How far a driver ends up from the recorded one, when each drives alone among the recorded others."""
+"""How far a driver gets from the recorded one, when each drives alone among the recorded others."""
 
 from __future__ import annotations
 
@@ -12,9 +12,10 @@ import torch
 from numpy.typing import NDArray
 
 from agents.networks.driving import DrivingNetwork
+from imitation.torch_networks import Network, Networks, View
 from imitation.tracks import each_track, replays
 from intersection_env import _core
-from intersection_env.constants import STEPS
+from intersection_env.constants import ACCELERATION, STEPS
 from intersection_env.features import Driving
 from intersection_env.scenes.places import each_place
 from intersection_env.scenes.scenes import Scenes
@@ -25,7 +26,7 @@ TO_LINE = Driving.DISTANCE_TO_STOP_LINE
 
 @dataclass(frozen=True)
 class ReplayError:
-    """Errors of the distance along the route 10 s after a vehicle's first recorded step."""
+    """Errors of the distance along the route so many steps after a vehicle's first recorded one."""
 
     rmse: float | None
     """[m]; None if there is no vehicle to score."""
@@ -34,7 +35,7 @@ class ReplayError:
     count: int
     """Vehicles recorded for so long, and not to blame for a collision before."""
     collisions: float
-    """Share of all vehicles that were to blame for a collision within the 10 s."""
+    """Share of all vehicles that were to blame for a collision within that time."""
     line_runs: float
     """Share of the steps at delta = 0, since a vehicle was able to stop, in which it crossed its line."""
 
@@ -48,17 +49,28 @@ def constant_velocity_network() -> DrivingNetwork:
 
 
 def replay_error(
-    policy: DrivingNetwork, scenes: str | Path | Scenes | Sequence[Scenes], split: str | None
+    policy: DrivingNetwork,
+    scenes: str | Path | Scenes | Sequence[Scenes],
+    split: str | None,
+    *,
+    within_limits: bool = False,
+    steps: int = STEPS,
 ) -> ReplayError:
     """Lets every recorded car and truck of a split be driven by the mean action, with the recorded order as delta.
 
-    scenes: a scenes file's name or path, or the scenes of one place or several.
+    Args:
+        policy: who drives.
+        scenes: a scenes file's name or path, or the scenes of one place or several.
+        split: of these.
+        within_limits: whether it drives as in predictions, kept behind its lead and at its line.
+        steps: after which it is compared.
 
     Raises:
         ValueError, OSError: as of `ReplayWorlds`.
     """
     places = (scenes,) if isinstance(scenes, str | Path) else each_place(scenes)
-    every = [_driven(policy, replays(place, split)) for place in places]
+    drive = _within_limits(policy) if within_limits else _freely(policy)
+    every = [_driven(drive, replays(place, split), steps) for place in places]
     error = np.concatenate([one.error for one in every])
     return ReplayError(
         rmse=float(np.sqrt(np.mean(error**2))) if len(error) else None,
@@ -79,16 +91,27 @@ class _Driven(NamedTuple):
     crossed: int
 
 
-def _driven(policy: DrivingNetwork, worlds: ReplayWorlds) -> _Driven:
+def _freely(policy: DrivingNetwork) -> Network:
+    """Observations (world, 12) to actions (world,)."""
+    return lambda seen: torch.tanh(policy(seen))
+
+
+def _within_limits(policy: DrivingNetwork) -> Network:
+    """As `_freely`, by the accelerations of a prediction."""
+    networks = Networks(policy, policy)  # nobody asks about gaps
+    return lambda seen: networks.drive(*View.of(seen)) / ACCELERATION
+
+
+def _driven(drive: Network, worlds: ReplayWorlds, steps: int) -> _Driven:
     errors: list[NDArray[np.float32]] = []
     collided = crossed = held = 0
     for drives in each_track(worlds):
         waits = np.zeros(len(drives), np.bool_)
-        for _ in range(STEPS):
+        for _ in range(steps):
             distance, speed, delta = worlds.observation[:, [TO_LINE, Driving.SPEED, Driving.ENTERS]].T
             waits = (delta == 0.0) & (distance >= 0.0) & (waits | (distance >= speed**2 / (2.0 * _core.BRAKING)))
             with torch.no_grad():
-                worlds.action[:] = torch.tanh(policy(torch.from_numpy(worlds.observation))).numpy()
+                worlds.action[:] = drive(torch.from_numpy(worlds.observation)).numpy()
             worlds.step()
             collided += int((drives & worlds.terminated).sum())
             held += int((drives & waits).sum())

@@ -1,184 +1,187 @@
-"""The predictor once more as plain torch operations, vectorised over scenarios, vehicles and pairs.
+"""The predictor once more as plain torch operations, vectorised over moments or scenarios, vehicles and pairs.
 
 It does what `docs/model.md` says under "The model", with both networks: the one copy of the core in which torch sees
-every operation, for models with one thing changed, as a peer to time, and, without `inference_mode`, for gradients.
-`tests/imitation/test_torch_model.py` holds it to the core.
+every operation, for models with one thing changed, as a peer to time, and for gradients. What the core knows already it
+reads from there: maps, pairs, memories at the start. `tests/imitation/test_torch_model.py` holds it to the core.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from typing import NamedTuple
+from collections.abc import Iterator, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import Tensor
+from torch.nn.functional import logsigmoid
 
+from imitation.map_tables import MapTables
+from imitation.torch_networks import Networks, View
 from intersection_env import Traffic, _core
 from intersection_env.constants import DT, FREE_LEAD_SPEED, LEAD_RANGE, STEPS
-from intersection_env.maps.intersection import Sample
-from intersection_env.policies.file import NetworkWeights, PolicyFile
+from intersection_env.policies.file import PolicyFile
 
-LEAST_LEAD_GAP, ROUNDED_STOP, OVERSHOOT = 0.5, 0.02, 0.05  # [m], of what limits a network
+
+class Vehicles(NamedTuple):
+    """The traffic of some moments side by side, as the core knows it at the start.
+
+    route: (moment, vehicle) places in the tables. position, speed, half_length, max_speed: (moment, vehicle) [m],
+    [m/s]. present, delta: (moment, vehicle) bool. i, j: (moment, pair) indices of yielders and of who has priority.
+    Smaller moments are filled up with vehicles that are not present, and with pairs of a spare one, the last, which is
+    present in none.
+    """
+
+    route: Tensor
+    position: Tensor
+    speed: Tensor
+    half_length: Tensor
+    max_speed: Tensor
+    present: Tensor
+    delta: Tensor
+    i: Tensor
+    j: Tensor
+
+    @classmethod
+    def of(cls, tables: MapTables, moments: Sequence[Traffic], spare: bool = True) -> Vehicles:
+        """The vehicles of these moments, all on maps that the tables know; a single moment can do without a spare."""
+        most = max(len(one) for one in moments)
+        pairs = max(len(one.conflicts) for one in moments)
+
+        def rows(of_each: Sequence[NDArray[Any]], fill: float, width: int = most + spare) -> Tensor:
+            filled = np.full((len(of_each), width), fill, of_each[0].dtype)
+            for row, one in zip(filled, of_each, strict=True):
+                row[: len(one)] = one
+            return torch.from_numpy(filled)
+
+        begins = [tables.begin[one.intersection.checksum] for one in moments]
+        route = rows([one.route.astype(np.int64) + begin for one, begin in zip(moments, begins, strict=True)], 0)
+        there = rows([np.ones(len(one), np.bool_) for one in moments], 0)
+        position = rows([one.position for one in moments], 0.0)
+        return cls(
+            route,
+            position,
+            speed=rows([one.speed for one in moments], 0.0),
+            half_length=0.5 * rows([one.length for one in moments], 1.0),
+            max_speed=rows([one.max_speed for one in moments], np.inf),
+            present=there & (position < tables.length[route]),
+            delta=rows([_core.committed(one.intersection.core, one.core) for one in moments], 0),
+            i=rows([one.conflicts[:, 0].astype(np.int64) for one in moments], most, pairs),
+            j=rows([one.conflicts[:, 1].astype(np.int64) for one in moments], most, pairs),
+        )
 
 
 class State(NamedTuple):
-    """All scenarios after a step.
+    """All moments, or scenarios of one moment, after a step.
 
-    position: (scenario, vehicle) [m]. speed: (scenario, vehicle) [m/s]. present: (scenario, vehicle) bool, on the map.
-    time_loss: (scenario, vehicle) until now [s]. asked: how many gaps of all scenarios, pairs and steps were left to
-    the gap network until now.
+    position: (moment, vehicle) [m]. speed: (moment, vehicle) [m/s]. acceleration: (moment, vehicle) of that step
+    [m/s²]. present: (moment, vehicle) bool, on the map. time_loss: (moment, vehicle) until now [s]. asked: how many
+    gaps of all moments, pairs and steps were left to the gap network until now.
     """
 
     position: Tensor
     speed: Tensor
+    acceleration: Tensor
     present: Tensor
     time_loss: Tensor
     asked: Tensor
 
 
 class TorchPredictor:
-    """A policy with both networks, bound to one traffic."""
+    """Both networks, bound to the traffic of some moments."""
 
-    def __init__(self, traffic: Traffic, policy: PolicyFile) -> None:
-        assert policy.gap_network is not None
-        assert policy.driving_network is not None
-        self.gap = _network(policy.gap_network, torch.nn.functional.leaky_relu)  # slope 0.01
-        self.driving = _network(policy.driving_network, torch.tanh)
-        self.scale = policy.acceleration_scale
-        map_ = traffic.intersection.core
-        self.position, self.speed, length, self.max_speed = (
-            torch.from_numpy(array.copy())
-            for array in (traffic.position, traffic.speed, traffic.length, traffic.max_speed)
+    def __init__(self, tables: MapTables, vehicles: Vehicles, networks: Networks) -> None:
+        self.tables, self.vehicles, self.networks = tables, vehicles, networks
+        route = vehicles.route
+        self.stop_line, self.length = tables.stop_line[route], tables.length[route]
+        own, other = route[:, :, None], route[:, None, :]
+        self.split, self.merge, self.offset = (
+            table[own, other] for table in (tables.split, tables.merge, tables.offset)
         )
-        self.half = 0.5 * length
-        self.route = torch.from_numpy(traffic.route.astype(np.int64))
-        self.delta = torch.from_numpy(_core.committed(map_, traffic.core).copy())
-        self._set_roads(map_)
-        self._set_leads(map_)
-        self._set_pairs(map_, torch.from_numpy(traffic.conflicts.astype(np.int64)))
+        self.half_lengths = vehicles.half_length[:, :, None] + vehicles.half_length[:, None, :]
+        lane = tables.stop_lane[route]
+        self.same_lane = lane[:, :, None] == lane[:, None, :]
+        yielder, prioritized = route.gather(1, vehicles.i), route.gather(1, vehicles.j)
+        self.end_i, self.end_j = tables.own_end[yielder, prioritized], tables.own_end[prioritized, yielder]
+        self.yielder_number = tables.number[yielder]
 
-    def _set_roads(self, map_: _core.Map) -> None:
-        self.routes, self.inverse_spacing = len(map_.routes), 1.0 / map_.spacing
-        self.stop_line = torch.tensor([map_.routes[route].stop_line for route in self.route])
-        self.length = torch.tensor([map_.routes[route].length for route in self.route])
-        rows = [map_.routes[route].sample_count for route in self.route]
-        self.first = torch.tensor([0, *np.cumsum(rows)[:-1]])
-        self.last = torch.tensor(rows) - 1
-        grids = [np.arange(count, dtype=np.float32) * np.float32(map_.spacing) for count in rows]
-        samples = [map_.sample(int(route), grid) for route, grid in zip(self.route, grids, strict=True)]
-        columns = [Sample.V_MAX, *range(Sample.HEADINGS, samples[0].shape[1])]
-        self.road = torch.from_numpy(np.ascontiguousarray(np.concatenate(samples)[:, columns]))
+    @classmethod
+    def of(cls, traffic: Traffic, policy: PolicyFile) -> TorchPredictor:
+        """A policy with both networks, bound to one moment, for scenarios of it."""
+        tables = MapTables.of([traffic.intersection])
+        return cls(tables, Vehicles.of(tables, [traffic], spare=False), Networks.of(policy))
 
-    def _set_leads(self, map_: _core.Map) -> None:
-        """How each vehicle (row) may follow each other (column)."""
-        count = len(self.route)
-        split, merge = torch.full((count, count), -torch.inf), torch.full((count, count), torch.inf)
-        self.offset = torch.zeros(count, count)
-        shared = {(a, b): row for a, b, *row in map_.shared_lanes}
-        for i, own in enumerate(self.route.tolist()):
-            for j, other in enumerate(self.route.tolist()):
-                entry, merge_a, merge_b, offset = shared.get((min(own, other), max(own, other)), (-1.0, 0.0, 0.0, None))
-                if own == other and i != j:
-                    split[i, j] = torch.inf
-                elif own != other and entry > 0.0:
-                    split[i, j] = entry
-                elif own != other and offset is not None:
-                    merge[i, j] = merge_a if other < own else merge_b
-                    self.offset[i, j] = offset if own < other else -offset
-        self.split, self.merge = split, merge
-        self.half_lengths = self.half[:, None] + self.half
-        lanes = torch.tensor([map_.routes[route].stop_lane for route in self.route])
-        self.same_lane = lanes[:, None] == lanes
-
-    def _set_pairs(self, map_: _core.Map, pairs: Tensor) -> None:
-        ends = {
-            (yielder, prioritized): (yielder_end, prioritized_end)
-            for yielder, prioritized, _, _, yielder_end, _, prioritized_end in map_.conflicts
-        }
-        rows = [ends[int(self.route[i]), int(self.route[j])] for i, j in pairs]
-        self.i, self.j = pairs.unbind(1)
-        self.end_i, self.end_j = torch.tensor(rows).reshape(-1, 2).unbind(1)
-        self.to_i = torch.nn.functional.one_hot(self.i, len(self.route)).float()
-        self.to_j = torch.nn.functional.one_hot(self.j, len(self.route)).float()
-
+    @torch.inference_mode()
     def predict(self, assignment: Tensor) -> State:
-        """How it is after 10 s, under int8 assignments (scenario, pair), completed already."""
+        """How it is after 10 s, under int8 assignments (moment, pair), completed already; or (scenario, pair)."""
         *_, last = self.states(assignment)
         return last
 
-    @torch.inference_mode()
-    def states(self, assignment: Tensor) -> Iterator[State]:
-        """The next 10 s step by step, as of `predict`."""
-        shape = (len(assignment), len(self.route))
-        position, speed = self.position.expand(shape), self.speed.expand(shape)
-        delta, hold = self.delta.expand(shape), torch.full(shape, -1)
-        present, lost, asked = (self.position < self.length).expand(shape), torch.zeros(shape), torch.zeros(())
+    def states(self, assignment: Tensor, learns_gaps: bool = False) -> Iterator[State]:
+        """The next 10 s step by step, as of `predict`; with gradients, where the networks have any.
+
+        learns_gaps: let gradients reach the gap network too, as if accelerations changed with the probability of
+            accepting all gaps, from that of waiting to that of going.
+        """
+        known, tables = self.vehicles, self.tables
+        shape = (len(assignment), known.route.shape[1])
+        route, number, route_count = (
+            one.expand(shape) for one in (known.route, tables.number[known.route], tables.route_count[known.route])
+        )
+        i, j = known.i.expand(assignment.shape), known.j.expand(assignment.shape)
+        position, speed = known.position.expand(shape), known.speed.expand(shape)
+        delta, hold = known.delta.expand(shape), torch.full(shape, -1)
+        present, lost, asked = known.present.expand(shape), torch.zeros(shape), torch.zeros(())
+        of_vehicle = torch.zeros(shape)
         for _ in range(STEPS):
-            front, rear = position + self.half, position - self.half
+            front, rear = position + known.half_length, position - known.half_length
             to_line = self.stop_line - front
-            limit, headings = self._road(position)
-            v_max = torch.minimum(limit, self.max_speed)
+            limit, headings = tables.road(route, position)
+            v_max = torch.minimum(limit, known.max_speed)
             lead, to_lead, lead_speed = self._leads(position, front, rear, speed, present)
             # who is told to wait, and who waits
             active = self._active(assignment, position, rear, present)
-            open_ = active & (assignment == 0) & (hold[:, self.j] <= self.route[self.i])
+            open_ = active & (assignment == 0) & (hold.gather(1, j) <= self.yielder_number)
             # in the order of `Gap`
-            seen = (self.end_i - rear[:, self.i], speed[:, self.i], to_line[:, self.j], speed[:, self.j])
-            refused = open_ & (self.gap(torch.stack(seen, -1)) <= 0.0)
-            told = (active & (assignment < 0)).float() @ self.to_i + (active & (assignment > 0)).float() @ self.to_j > 0
-            waits = told | (refused.float() @ self.to_i > 0)
+            seen = (self.end_i - rear.gather(1, i), speed.gather(1, i), to_line.gather(1, j), speed.gather(1, j))
+            logit = self.networks.gap(torch.stack(seen, -1).detach())
+            refused = open_ & (logit <= 0.0)
+
+            def some(flags: Tensor, index: Tensor) -> Tensor:
+                return of_vehicle.scatter_add(1, index, flags.float()) > 0
+
+            told = some(active & (assignment < 0), i) | some(active & (assignment > 0), j)
+            waits = told | some(refused, i)
             braking = speed.square() / (2.0 * _core.BRAKING)
             settled = delta & (to_line < braking)
-            kept = active & (assignment == 0) & settled[:, self.i] & ~delta[:, self.j]
-            delta = ~(waits | (kept.float() @ self.to_j > 0)) | settled
-            own = torch.where(delta | ~waits, -1, torch.where(told, self.routes, self.route))
-            queues = (to_lead < LEAD_RANGE) & self.same_lane[torch.arange(shape[1]), lead] & (to_line >= 0.0)
+            kept = some(active & (assignment == 0) & settled.gather(1, i) & ~delta.gather(1, j), j)
+            delta = ~(waits | kept) | settled
+            own = torch.where(delta | ~waits, -1, torch.where(told, route_count, number))
+            queues = (to_lead < LEAD_RANGE) & self._queues_with(lead) & (to_line >= 0.0)
             hold = torch.maximum(own, torch.where(queues, hold.gather(1, lead), -1))
             asked = asked + open_.sum()
-            # drive and advance; the features in the order of `Driving`
-            features = torch.cat(
-                (
-                    torch.stack((to_line, speed, v_max), -1),
-                    headings,
-                    torch.stack((to_lead, lead_speed, delta.float()), -1),
-                ),
-                -1,
-            )
-            acceleration = self.scale * torch.tanh(self.driving(features))
-            may_run = delta | (to_line < braking - OVERSHOOT)
-            acceleration = self._limited(acceleration, speed, to_line, may_run, to_lead, lead_speed)
+            # drive and advance
+            view = View(to_line, speed, v_max, headings, to_lead, lead_speed)
+            acceleration = self.networks.drive(view, delta)
+            if learns_gaps:
+                undecided = ~(told | kept | settled)
+                accepts = of_vehicle.scatter_add(1, i, torch.where(open_, logsigmoid(logit), 0.0)).exp()
+                with torch.no_grad():
+                    otherwise = self.networks.drive(view, ~delta) - acceleration
+                    gained = torch.where(undecided, torch.where(delta, -otherwise, otherwise), 0.0)
+                acceleration = acceleration + gained * (accepts - accepts.detach())
             lost = lost + torch.where(present, DT * (1.0 - speed / v_max), 0.0)
             faster = (speed + DT * acceleration).clamp(min=0.0)
+            applied = torch.where(present, (faster - speed) / DT, 0.0)
             position = torch.where(present, position + 0.5 * DT * (speed + faster), position)
             speed = torch.where(present, faster, speed)
             present = present & (position < self.length)
-            yield State(position, speed, present, lost, asked)
+            yield State(position, speed, applied, present, lost, asked)
 
-    def _limited(
-        self, acceleration: Tensor, speed: Tensor, to_line: Tensor, may_run: Tensor, to_lead: Tensor, lead_speed: Tensor
-    ) -> Tensor:
-        """What keeps every vehicle able to stop behind its lead, and those that must at their lines."""
-        hardest = self.scale
-        lead_next = (lead_speed - DT * hardest).clamp(min=0.0)
-        lead_way = 0.5 * DT * (lead_speed + lead_next) + lead_next.square() / (2.0 * hardest)
-        following = (speed + DT * acceleration).clamp(min=0.0)
-        slower = acceleration
-        bounds = ((to_lead + lead_way - LEAST_LEAD_GAP, hardest), (to_line - ROUNDED_STOP, _core.BRAKING))
-        for (distance, b), free in zip(bounds, (torch.zeros_like(may_run), may_run), strict=True):
-            rest = distance - 0.5 * DT * speed
-            breaks = following * (0.5 * DT + following / (2.0 * b)) > rest
-            stops = b * ((0.25 * DT**2 + rest * (2.0 / b)).clamp(min=0.0).sqrt() - 0.5 * DT)
-            slower = torch.where(breaks & ~free, slower.minimum((stops - speed) / DT), slower)
-        return torch.where(slower < acceleration, slower.clamp(min=-hardest), acceleration)
-
-    def _road(self, position: Tensor) -> tuple[Tensor, Tensor]:
-        """Each vehicle's v_max (scenario, vehicle) [m/s], bicycles' own aside, and relative headings (..., 6)."""
-        at = (position * self.inverse_spacing).clamp(min=0.0).minimum(self.last.float())
-        row = at.long().minimum(self.last - 1)
-        below = self.road[self.first + row]
-        between = below + (at - row).unsqueeze(-1) * (self.road[self.first + row + 1] - below)
-        return between[..., 0], between[..., 1:]
+    def _queues_with(self, lead: Tensor) -> Tensor:
+        """Whether the lead (moment, vehicle) stops in the same lane."""
+        same = self.same_lane.expand(len(lead), -1, -1)
+        return same.gather(2, lead.unsqueeze(-1)).squeeze(-1)
 
     def _leads(
         self, position: Tensor, front: Tensor, rear: Tensor, speed: Tensor, present: Tensor
@@ -192,22 +195,8 @@ class TorchPredictor:
         return lead, torch.where(near, gap, LEAD_RANGE), torch.where(near, speed.gather(1, lead), FREE_LEAD_SPEED)
 
     def _active(self, assignment: Tensor, position: Tensor, rear: Tensor, present: Tensor) -> Tensor:
-        yielder_second = (rear[:, self.i] < self.end_i) & (position[:, self.j] < self.end_j)
-        yielder_first = (rear[:, self.j] < self.end_j) & (position[:, self.i] < self.end_i)
-        both = present[:, self.i] & present[:, self.j]
+        i, j = self.vehicles.i.expand(assignment.shape), self.vehicles.j.expand(assignment.shape)
+        yielder_second = (rear.gather(1, i) < self.end_i) & (position.gather(1, j) < self.end_j)
+        yielder_first = (rear.gather(1, j) < self.end_j) & (position.gather(1, i) < self.end_i)
+        both = present.gather(1, i) & present.gather(1, j)
         return both & torch.where(assignment > 0, yielder_first, yielder_second)
-
-
-def _network(weights: NetworkWeights, activation: Callable[[Tensor], Tensor]) -> Callable[[Tensor], Tensor]:
-    """The network's output before any last activation, its input scaling folded into the first layer."""
-    layers = [(torch.from_numpy(weight.copy()), torch.from_numpy(bias.copy())) for weight, bias in weights.layers]
-    shift, scale = torch.from_numpy(weights.shift.copy()), torch.from_numpy(weights.scale.copy())
-    first, bias = layers[0]
-    layers[0] = first * scale, bias - first @ (scale * shift)
-
-    def evaluate(features: Tensor) -> Tensor:
-        for weight, bias in layers[:-1]:
-            features = activation(torch.nn.functional.linear(features, weight, bias))
-        return torch.nn.functional.linear(features, *layers[-1]).squeeze(-1)
-
-    return evaluate

@@ -37,7 +37,14 @@ FLOORS = {
     ),
     "data": (("recording",), ("formats", "pipeline", "sumo"), ("build", "describe"), ("align",)),
     "agents": (("networks", "training"), ("rollouts",), ("gap", "idm", "ppo")),
-    "imitation": (("tracks", "discriminator", "torch_model"), ("expert", "replay_error"), ("gail",)),
+    "imitation": (
+        ("tracks", "discriminator", "map_tables", "torch_networks"),
+        ("expert", "replay_error", "torch_model"),
+        ("closer_look", "drives"),
+        ("joint_moments",),
+        ("gail",),
+        ("rollout_gradient",),
+    ),
     "experiments": (
         ("results_files", "show", "models"),
         ("report", "bench"),

@@ -58,10 +58,11 @@ def torch_run(scenarios: int) -> dict[str, Any]:
     from imitation.torch_model import TorchPredictor
 
     torch.set_num_threads(1)
-    predictor = TorchPredictor(traffic(), both_networks())
-    assignment = torch.zeros((scenarios, len(predictor.i)), dtype=torch.int8)
+    scene = traffic()
+    predictor = TorchPredictor.of(scene, both_networks())
+    assignment = torch.zeros((scenarios, len(scene.conflicts)), dtype=torch.int8)
     found = microseconds(lambda: predictor.predict(assignment), scenarios)
-    asked = float(predictor.predict(assignment[:1]).asked) / _core.STEPS / len(predictor.i)
+    asked = float(predictor.predict(assignment[:1]).asked) / _core.STEPS / len(scene.conflicts)
     return {"us": found, "doing": f"the whole model, batch of {scenarios}", "asked": asked}
 
 

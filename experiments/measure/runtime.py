@@ -174,8 +174,8 @@ def torch_times(policy: PolicyFile, seed: int) -> dict[str, Any]:
     times: Times = {size: [] for size in TORCH_SIZES}
     for scene in random_scenes(TORCH_SCENES, seed):
         for size in TORCH_SIZES:
-            predictor = TorchPredictor(scene[size], policy)
-            assignment = torch.zeros((1, len(predictor.i)), dtype=torch.int8)
+            predictor = TorchPredictor.of(scene[size], policy)
+            assignment = torch.zeros((1, len(scene[size].conflicts)), dtype=torch.int8)
             times[size] += milliseconds([partial(predictor.predict, assignment)] * TORCH_REPEATS)
     return model_row(times, f"{TORCH_SCENES} scenes, {TORCH_REPEATS} times each")
 

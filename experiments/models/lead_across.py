@@ -13,7 +13,9 @@ import torch
 from torch import Tensor
 
 from experiments.models.from_trajectories import prediction_of_trajectories
-from imitation.torch_model import TorchPredictor
+from imitation.map_tables import MapTables
+from imitation.torch_model import TorchPredictor, Vehicles
+from imitation.torch_networks import Networks
 from intersection_env import Traffic, _core
 from intersection_env.policies.file import PolicyFile
 from intersection_env.prediction.predictor import Prediction
@@ -24,19 +26,11 @@ STANDING = 1.0  # [m/s] slower is standing
 class AcrossPredictor(TorchPredictor):
     """Whoever stands on a conflict that one has not reached leads too, as if its border were a rear bumper."""
 
-    def __init__(self, traffic: Traffic, policy: PolicyFile) -> None:
-        super().__init__(traffic, policy)
-        count = len(traffic)
-        self.own_begin = torch.full((count, count), -torch.inf)  # of who follows (row), on its route
-        self.other_begin, self.other_end = torch.full((count, count), torch.inf), torch.full((count, count), -torch.inf)
-        intervals = {}
-        for yielder, prioritized, _, *ends in traffic.intersection.core.conflicts:
-            intervals[yielder, prioritized] = ends[:2], ends[2:]
-            intervals[prioritized, yielder] = ends[2:], ends[:2]
-        for i, own in enumerate(self.route.tolist()):
-            for j, other in enumerate(self.route.tolist()):
-                if (own, other) in intervals:
-                    (self.own_begin[i, j], _), (self.other_begin[i, j], self.other_end[i, j]) = intervals[own, other]
+    def __init__(self, tables: MapTables, vehicles: Vehicles, networks: Networks) -> None:
+        super().__init__(tables, vehicles, networks)
+        own, other = vehicles.route[:, :, None], vehicles.route[:, None, :]
+        self.own_begin = tables.own_begin[own, other]  # of who follows (row), on its route
+        self.other_begin, self.other_end = tables.own_begin.T[own, other], tables.own_end.T[own, other]
 
     def _leads(
         self, position: Tensor, front: Tensor, rear: Tensor, speed: Tensor, present: Tensor
@@ -64,16 +58,13 @@ class TorchForecaster:
 
     def predict(self, traffic: Traffic) -> Prediction:
         """As of `Predictor.predict`."""
-        bound = self.model(traffic, self.policy)
+        bound = self.model.of(traffic, self.policy)
         none = np.zeros((1, len(traffic.conflicts)), np.int8)
         completed = _core.complete(traffic.intersection.core, traffic.core, none)
-        states = list(bound.states(torch.from_numpy(completed)))
+        with torch.inference_mode():
+            states = list(bound.states(torch.from_numpy(completed)))
         position, speed, present = (
-            torch.cat([now[None], *(getattr(state, name) for state in states)]).numpy()
-            for name, now in (
-                ("position", bound.position),
-                ("speed", bound.speed),
-                ("present", bound.position < bound.length),
-            )
+            torch.cat([getattr(bound.vehicles, name), *(getattr(state, name) for state in states)]).numpy()
+            for name in ("position", "speed", "present")
         )
         return prediction_of_trajectories(traffic, position, speed, present)

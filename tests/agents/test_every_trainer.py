@@ -30,13 +30,14 @@ from tests.support.trainings import (
     trainer_of,
 )
 
-TRAINERS = ("gap", "ppo", "gail")
-LONG = {"gap": 200, "gap, cyclic": 200, "ppo": 60, "gail": 60}
+TRAINERS = ("gap", "ppo", "gail", "rollout_gradient")
+LONG = {"gap": 200, "gap, cyclic": 200, "ppo": 60, "gail": 60, "rollout_gradient": 60}
 """Epochs that outlast three kills."""
 OTHERS: dict[str, list[tuple[dict[str, Any], str]]] = {
     "gap": [({"batch": 128}, 'had "batch"'), ({"foes": "recorded"}, 'had "foes"')],
     "ppo": [({"update": UpdateSettings(clip=0.1)}, 'had "update"'), ({"gaps": ("gap",)}, 'had "gaps"')],
     "gail": [({"discriminator": DiscriminatorSettings()}, 'had "discriminator"')],
+    "rollout_gradient": [({"huber": 1.0}, 'had "huber"'), ({"alone_share": 1.0}, 'had "alone_share"')],
 }
 """Settings with which a run does not go on."""
 
@@ -161,7 +162,7 @@ def test_worlds_that_places_cannot_share_equally_are_shared_all_the_same(
     assert one == two
 
 
-@pytest.mark.parametrize("name", ["ppo", "gail"])
+@pytest.mark.parametrize("name", ["ppo", "gail", "rollout_gradient"])
 def test_figures_go_to_tensorboard_if_it_is_there(
     trainer: Trainer, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

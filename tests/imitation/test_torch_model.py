@@ -30,7 +30,7 @@ def test_it_predicts_what_the_core_predicts(name: str, seed: int, policy: Policy
     none = _core.complete(traffic.intersection.core, traffic.core, np.zeros((1, len(traffic.conflicts)), np.int8))
     orders = np.concatenate([random_assignment(traffic, np.random.default_rng(seed)), none])
     core = Predictor(policy, "core").predict(traffic, orders)
-    states = list(TorchPredictor(traffic, policy).states(torch.from_numpy(orders)))
+    states = list(TorchPredictor.of(traffic, policy).states(torch.from_numpy(orders)))
     assert len(states) == _core.STEPS
     for step, state in enumerate(states, 1):
         np.testing.assert_array_equal(state.present.numpy(), core.present[:, step])

@@ -19,12 +19,14 @@ import torch
 import agents.gap.train
 import agents.ppo
 import imitation.gail
+import imitation.rollout_gradient
 from agents.gap.train import GapSettings
 from agents.ppo import PpoSettings
 from agents.rollouts.policy_update import UpdateSettings
 from agents.training.folder import CHECKPOINT, METRICS, RunFolder, decisive, state_hash
 from imitation.discriminator import DiscriminatorSettings
 from imitation.gail import GailSettings
+from imitation.rollout_gradient import RolloutSettings
 
 PATIENCE = 120.0  # [s]
 TINY_GAP = GapSettings(epochs=8, batch=256, checkpoint_every=3)
@@ -61,6 +63,17 @@ TINY_GAIL = GailSettings(
     threads=1,
     checkpoint_every=3,
 )
+TINY_ROLLOUT = RolloutSettings(
+    epochs=8,
+    alone_share=0.5,
+    every=5.0,
+    moments_share=0.2,
+    drives=64,
+    moments=8,
+    free=8,
+    free_drives=40,
+    checkpoint_every=3,
+)
 
 
 @dataclass(frozen=True)
@@ -84,7 +97,7 @@ class Trainer:
 
 
 def trainer_of(name: str, *scenes: Path, map: str | Path | None = None) -> Trainer:
-    """The trainer "gap", "gap, cyclic" (its schedule), "ppo" or "gail", on these scenes files.
+    """The trainer "gap", "gap, cyclic" (its schedule), "ppo", "gail" or "rollout_gradient", on these scenes files.
 
     map: an own map on which some of the scenes lie; PPO drives there and on Bendplatz.
     """
@@ -93,8 +106,11 @@ def trainer_of(name: str, *scenes: Path, map: str | Path | None = None) -> Train
     of_gap = Trainer(agents.gap.train.COMMAND, agents.gap.train.main, replace(TINY_GAP, **where), "gap.policy")
     of_ppo = Trainer(agents.ppo.COMMAND, agents.ppo.main, replace(TINY_PPO, map=(*TINY_PPO.map, *maps)), "ppo.policy")
     of_gail = Trainer(imitation.gail.COMMAND, imitation.gail.main, replace(TINY_GAIL, **where), "gail.policy")
+    rollouts = imitation.rollout_gradient
+    of_rollouts = Trainer(rollouts.COMMAND, rollouts.main, replace(TINY_ROLLOUT, **where), "rollout_gradient.policy")
     cyclic = replace(of_gap, settings=replace(of_gap.settings, schedule="cyclic"))
-    return {"gap": of_gap, "gap, cyclic": cyclic, "ppo": of_ppo, "gail": of_gail}[name]
+    trainers = {"gap": of_gap, "gap, cyclic": cyclic, "ppo": of_ppo, "gail": of_gail, "rollout_gradient": of_rollouts}
+    return trainers[name]
 
 
 def train_alone(settings: PpoSettings) -> None:

@@ -36,7 +36,7 @@ def test_the_torch_peer_predicts_what_the_core_predicts() -> None:
     orders[0] = 0
     assignments = _core.complete(scene.intersection.core, scene.core, orders)
     ours = Predictor(policy, "networks").predict(scene, assignments)
-    theirs = TorchPredictor(scene, policy).predict(torch.from_numpy(assignments))
+    theirs = TorchPredictor.of(scene, policy).predict(torch.from_numpy(assignments))
     np.testing.assert_allclose(theirs.position.numpy(), ours.position[:, -1], atol=1e-3)
     np.testing.assert_allclose(theirs.time_loss.numpy(), ours.time_loss, atol=1e-3)
     assert np.ptp(ours.position[:, -1], axis=0).max() > 1.0  # the orders differ

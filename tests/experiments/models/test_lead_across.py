@@ -34,11 +34,9 @@ def crossing(speed: float, before: float, *others: Vehicle) -> Traffic:
 
 def leads(model: type[TorchPredictor], traffic: Traffic, policy: PolicyFile) -> tuple[Tensor, Tensor, Tensor]:
     """Lead, distance and its speed of each vehicle now."""
-    bound = model(traffic, policy)
-    position, speed = bound.position[None], bound.speed[None]
-    lead, distance, lead_speed = bound._leads(
-        position, position + bound.half, position - bound.half, speed, position < bound.length
-    )
+    bound = model.of(traffic, policy)
+    position, speed, half = bound.vehicles.position, bound.vehicles.speed, bound.vehicles.half_length
+    lead, distance, lead_speed = bound._leads(position, position + half, position - half, speed, bound.vehicles.present)
     return lead[0], distance[0], lead_speed[0]
 
 

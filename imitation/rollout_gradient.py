@@ -1,0 +1,266 @@
+"""Trains the driver by the gradient of its rollouts: predictions are differentiable, so errors after 10 s teach it.
+
+python -m imitation.rollout_gradient default --run runs/rollout_gradient                     on all places that ship
+python -m imitation.rollout_gradient alone --scenes bendplatz --run runs/alone               one place, one at a time
+python -m imitation.rollout_gradient default --scenes mine.npz --map mine.json --run runs/mine
+
+First each driver goes alone among recorded vehicles, in their order; then all vehicles of a moment are predicted
+jointly, and the gap network learns too.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+import tyro
+from torch import Tensor, nn
+from torch.nn.functional import huber_loss
+
+from agents.networks.driving import DRIVING_SCALE, DrivingNetwork
+from agents.networks.export import driving_policy, gap_hash, gap_network, policy_file
+from agents.networks.gap import GapNetwork
+from agents.training.command import Command
+from agents.training.folder import RunFolder, decisive, file_hash, joint_hash
+from agents.training.loop import Epochs
+from agents.training.seeds import train_seeds
+from imitation.closer_look import closer_look, last_look, watched
+from imitation.drives import Drives, Motion, free_drives, recorded_drives
+from imitation.gail import usable_places
+from imitation.joint_moments import JointMoments
+from imitation.map_tables import MapTables
+from imitation.torch_networks import Networks
+from intersection_env.constants import STEPS
+from intersection_env.evaluation.moments import followed
+from intersection_env.evaluation.places import moments_in
+from intersection_env.policies.named import gap_decider, policy_named
+from intersection_env.prediction.predictor import Predictor
+from intersection_env.scenes.places import ALL_SCENES, each_place, map_names
+from intersection_env.scenes.scenes import Scenes, scenes_path
+
+COMMAND = "python -m imitation.rollout_gradient"
+TEACHER = "idm_calibrated"  # of free drives
+
+
+@dataclass(frozen=True)
+class RolloutSettings:
+    """What a training of the driver through its own rollouts depends on."""
+
+    scenes: tuple[Path, ...] = ALL_SCENES
+    """Scenes that ship (names), or scenes files, which `python -m data.build` makes; of one place or several."""
+    map: tuple[str, ...] = ()
+    """The maps (files) of scenes on maps that do not ship."""
+    run: Path = Path("runs/rollout_gradient")
+    """The run folder."""
+    resume: bool = False
+    """Go on with the run in that folder."""
+    decider: str = "gap"
+    """Who decides about gaps: a policy with a gap network, from which that one begins to learn."""
+    epochs: int = 28
+    alone_share: float = 0.4
+    """Of the epochs, the first ones: each drives alone among recorded vehicles, with the recorded order as delta. In
+    the others all vehicles of a moment are predicted jointly and the gap network decides."""
+    learns_gaps: bool = True
+    """Whether the gap network learns too in these."""
+    steps: int = STEPS
+    """Of a drive alone."""
+    every: float = 1.0
+    """Seconds between the starts of drives alone, and between the moments."""
+    moments_share: float = 0.25
+    """Of the moments, drawn for each epoch."""
+    drives: int = 512
+    """Of an update; alone."""
+    moments: int = 64
+    """Of an update; jointly."""
+    free: int = 64
+    """Free drives beside them in each update, as the calibrated IDM drives them."""
+    free_drives: int = 4000
+    """From which these are drawn."""
+    free_weight: float = 0.15
+    """Of their loss."""
+    learning_rate: float = 5e-3
+    """The highest, risen to and fallen from linearly, alone."""
+    joint_learning_rate: float = 4e-3
+    """Likewise, jointly."""
+    huber: float = 3.0
+    """Position errors beyond it count linearly [m]."""
+    speed_weight: float = 0.3
+    """Of the squared speed error."""
+    effort_weight: float = 0.05
+    """Of the squared acceleration."""
+    noise: float = 0.0
+    """Deviation of what is added to the scaled features, alone."""
+    gradient_norm: float = 1.0
+    """Longer gradients are shortened to it."""
+    seed: int = 0
+    seeds: tuple[int, ...] = ()
+    """Train once with each of these instead of `seed`, side by side as Ray tasks, in the folders RUN/seed_0, ..."""
+    tensorboard: bool = False
+    """Write the figures for TensorBoard too, into the run folder."""
+    checkpoint_every: int = 4
+    """Epochs."""
+
+    @property
+    def alone_epochs(self) -> int:
+        """How many of them."""
+        return round(self.alone_share * self.epochs)
+
+
+PROFILES = {
+    "default": ("what ships", RolloutSettings()),
+    "alone": ("without joint rollouts", RolloutSettings(epochs=16, alone_share=1.0)),
+}
+RISE, LAST = 0.2, 0.02  # share of the updates in which the rate rises, and what it falls to
+
+
+@dataclass(frozen=True)
+class Data:
+    """What is learned from, as tensors."""
+
+    tables: MapTables
+    drives: Drives
+    free: Drives
+    moments: JointMoments | None
+
+    @classmethod
+    def of(cls, places: Sequence[Scenes], settings: RolloutSettings) -> Data:
+        """The training scenes of these places."""
+        maps = [place.intersection for place in places]
+        tables, generator = MapTables.of(maps), np.random.default_rng(settings.seed)
+        drives = recorded_drives(tables, places, "train", settings.every)
+        free = free_drives(tables, maps, Predictor.load(TEACHER), settings.free_drives, generator)
+        moments = None
+        if settings.alone_epochs < settings.epochs:
+            moments = JointMoments.of(tables, followed(moments_in(places, "train", settings.every)[0]))
+        return cls(tables, drives, free, moments)
+
+
+def train_driver(
+    scenes: Scenes | Sequence[Scenes],
+    settings: RolloutSettings,
+    folder: RunFolder | None = None,
+    progress: bool = True,
+) -> tuple[DrivingNetwork, GapNetwork]:
+    """The trained driver, and who decides about gaps for it.
+
+    Args:
+        scenes: recorded scenes, of one place or several; those for training are learned from, those for development
+            watched.
+        settings: how to train.
+        folder: where metrics and checkpoints go; its checkpoint, if there is one, is where training goes on.
+        progress: whether to show a bar.
+
+    Raises:
+        Interrupted: Ctrl-C was pressed; the checkpoint stands at the last whole epoch.
+        ValueError: no usable scene, or a decider without a gap network.
+    """
+    places = each_place(scenes)
+    torch.manual_seed(settings.seed)  # the network's first weights
+    generator = torch.Generator().manual_seed(settings.seed)
+    driver, gaps = DrivingNetwork(), gap_network(gap_decider(settings.decider)).requires_grad_(settings.learns_gaps)
+    data, seen = Data.of(places, settings), watched(places)
+    optimizer = torch.optim.Adam([*driver.parameters(), *gaps.parameters()])
+    with Epochs("rollouts", settings.epochs, folder, settings.checkpoint_every, progress) as epochs:
+        epochs.resume(driver=driver, gaps=gaps, optimizer=optimizer, generator=generator)
+        for epoch in epochs:
+            losses = []
+            for share, rows in _batches(data, settings, epoch, generator):
+                for group in optimizer.param_groups:
+                    group["lr"] = _rate(settings, epoch, share)
+                loss = _loss(data, Networks(driver, gaps), settings, epoch, rows, generator)
+                optimizer.zero_grad()
+                loss.backward()  # type: ignore[no-untyped-call]
+                for network in (driver, gaps):
+                    nn.utils.clip_grad_norm_(network.parameters(), settings.gradient_norm)
+                optimizer.step()
+                losses.append(float(loss.detach()))
+            row: dict[str, Any] = {"loss": float(np.mean(losses))}
+            if epochs.is_due:
+                row |= closer_look(driver, driving_policy(policy_file(gaps, {}), driver, {}), places, seen, True)
+                epochs.show(
+                    loss=f"{row['loss']:.2f}",
+                    predicted=f"{row['predicted']:.2f}",
+                    bias=f"{row['until_last_seen']['bias']:.1f}",
+                    empty=f"{row['empty_road']['least']:.2f}",
+                )
+            epochs.end(row)
+    return driver, gaps
+
+
+def _batches(
+    data: Data, settings: RolloutSettings, epoch: int, generator: torch.Generator
+) -> Iterator[tuple[float, Tensor]]:
+    """The rows of each update of an epoch, and how far its part of the training is by then: 0 to 1."""
+    if epoch <= settings.alone_epochs:
+        drawn, size = torch.randperm(len(data.drives.route), generator=generator), settings.drives
+        before, count = epoch - 1, settings.alone_epochs
+    else:
+        assert data.moments is not None
+        drawn, size = torch.randperm(len(data.moments.width), generator=generator), settings.moments
+        drawn = drawn[: max(round(settings.moments_share * len(drawn)), 1)]
+        before, count = epoch - settings.alone_epochs - 1, settings.epochs - settings.alone_epochs
+    parts = torch.split(drawn, size)
+    yield from (((before + place / len(parts)) / count, rows) for place, rows in enumerate(parts))
+
+
+def _rate(settings: RolloutSettings, epoch: int, share: float) -> float:
+    highest = settings.learning_rate if epoch <= settings.alone_epochs else settings.joint_learning_rate
+    return highest * float(np.interp(share, (0.0, RISE, 1.0), (0.1, 1.0, LAST)))
+
+
+def _loss(
+    data: Data, networks: Networks, settings: RolloutSettings, epoch: int, rows: Tensor, generator: torch.Generator
+) -> Tensor:
+    """Of the drives alone, or of moments predicted jointly, in these rows; and of some free drives."""
+    free = data.free.rows(torch.randint(len(data.free.route), (settings.free,), generator=generator))
+    motion = free.driven(data.tables, networks, STEPS)
+    of_free = settings.free_weight * _error(motion, free.position, free.speed, free.known, settings)
+    if epoch <= settings.alone_epochs:
+        drives = data.drives.rows(rows)
+        noise = None
+        if settings.noise:
+            drawn = torch.randn((settings.steps, len(rows), len(DRIVING_SCALE)), generator=generator)
+            noise = settings.noise * drawn / torch.tensor(DRIVING_SCALE)
+        motion = drives.driven(data.tables, networks, settings.steps, noise)
+        return of_free + _error(motion, drives.position, drives.speed, drives.known, settings)
+    assert data.moments is not None
+    moments = data.moments.rows(rows)
+    motion = moments.driven(data.tables, networks, settings.learns_gaps)
+    return of_free + _error(motion, moments.position, moments.speed, moments.scored, settings)
+
+
+def _error(motion: Motion, position: Tensor, speed: Tensor, known: Tensor, settings: RolloutSettings) -> Tensor:
+    """The mean over what is known after the start: (row, time) or (row, time, vehicle) each."""
+    then = slice(1, motion.position.shape[1] + 1)
+    far = huber_loss(motion.position, position[:, then], delta=settings.huber, reduction="none")
+    faster = settings.speed_weight * (motion.speed - speed[:, then]).square()
+    error = far + faster + settings.effort_weight * motion.acceleration.square()
+    return (error * known[:, then]).sum() / known[:, then].sum().clamp(min=1)
+
+
+def main(settings: RolloutSettings) -> int:
+    """Trains as told and writes `rollout_gradient.policy` into the run folder; returns the exit status."""
+    if settings.seeds:
+        return train_seeds(main, settings)
+    with Command(settings.run / "rollout_gradient.policy") as command:
+        decider = gap_decider(settings.decider)
+        places = usable_places(settings.scenes, settings.map)
+        hashes: dict[str, Any] = {"scenes": [file_hash(scenes_path(name)) for name in settings.scenes]}
+        hashes |= {"gap": gap_hash(decider), "teacher": gap_hash(policy_named(TEACHER, None)[0])}
+        data = joint_hash([*hashes["scenes"], hashes["gap"], hashes["teacher"]])
+        folder = RunFolder.begin(settings.run, decisive(settings), data, settings.resume, settings.tensorboard)
+        driver, gaps = train_driver(places, settings, folder)
+        about: dict[str, Any] = {"made_by": COMMAND, "settings": decisive(settings)}
+        about |= {"maps": map_names(places), "sha256": hashes}
+        about |= last_look(driver, driving_policy(policy_file(gaps, {}), driver, {}), places, "rollout_gradient", True)
+        driving_policy(policy_file(gaps, {}), driver, about).save(command.output)
+    return command.status
+
+
+if __name__ == "__main__":
+    sys.exit(main(tyro.extras.overridable_config_cli(PROFILES, prog=COMMAND)))
