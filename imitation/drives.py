@@ -14,20 +14,16 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
+from imitation.examples import LEAST_STEPS, Example
 from imitation.expert import expert_steps
 from imitation.map_tables import MapTables
 from imitation.torch_networks import Networks, View
 from imitation.tracks import replays
 from intersection_env.constants import DT, FREE_LEAD_SPEED, LEAD_RANGE, STEPS
 from intersection_env.features import Driving
-from intersection_env.maps.intersection import Intersection, Sample
-from intersection_env.prediction.predictor import Predictor
 from intersection_env.scenes.scenes import Scenes
-from intersection_env.traffic import Traffic, Vehicle
 
-LEAST_STEPS = 5  # a drive that is known for less than 1 s says nothing
 NO_LEAD = 1e6  # [m]
-FREE_LENGTH = 4.5  # [m], of the cars that drive alone
 
 
 class Motion(NamedTuple):
@@ -104,7 +100,7 @@ def recorded_drives(tables: MapTables, places: Sequence[Scenes], split: str, eve
         delta = torch.from_numpy(seen[:, Driving.ENTERS][rows] > 0.0)
         known = torch.from_numpy(np.arange(STEPS + 1) < length[:, None])
         columns.append(Drives._make((*of_drive, *at_steps, delta, known)))
-    return Drives(*(torch.cat(one) for one in zip(*columns, strict=True)))
+    return joined(*columns)
 
 
 def _starts(track: NDArray[np.int32], apart: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
@@ -118,36 +114,26 @@ def _starts(track: NDArray[np.int32], apart: int) -> tuple[NDArray[np.int64], ND
     return first, np.minimum(left, STEPS + 1)
 
 
-def free_drives(
-    tables: MapTables, maps: Sequence[Intersection], teacher: Predictor, count: int, generator: np.random.Generator
-) -> Drives:
-    """Drives of a car alone, as a teacher drives them, from random places of random routes.
-
-    Nobody is recorded beyond the view, nor, at many a speed, on an empty road: there this says what to do. One in five
-    begins at a standstill, the others at up to the allowed speed.
-    """
-    found: list[tuple[int, NDArray[np.float32], NDArray[np.float32], NDArray[np.bool_]]] = []
-    while len(found) < count:
-        intersection = maps[int(generator.integers(len(maps)))]
-        route = intersection.routes[int(generator.integers(len(intersection.routes)))]
-        place = float(generator.uniform(0.0, route.length))
-        allowed = float(intersection.sample(route.index, np.array([place], np.float32))[0, Sample.V_MAX])
-        speed = allowed * max(float(generator.uniform(-0.25, 1.0)), 0.0)
-        alone = Vehicle("alone", route.id, place, speed, FREE_LENGTH)
-        drive = teacher.predict(Traffic.of(intersection, [alone]))
-        known = drive.present[0, :, 0]
-        if known.sum() > LEAST_STEPS:
-            begin = tables.begin[intersection.checksum]
-            found.append((begin + route.index, drive.position[0, :, 0], drive.speed[0, :, 0], known))
-    route_rows, *motions = zip(*found, strict=True)
-    position, speeds, known_rows = (torch.from_numpy(np.stack(one)) for one in motions)
+def free_drives(tables: MapTables, examples: Sequence[Example]) -> Drives:
+    """Of cars that are alone in their examples."""
+    traffics = [one.traffic for one in examples]
+    route = [tables.begin[one.intersection.checksum] + int(one.route[0]) for one in traffics]
+    position, speed = (
+        torch.from_numpy(np.stack([getattr(one, name)[:, 0] for one in examples])) for name in ("position", "speed")
+    )
+    known = torch.from_numpy(np.stack([one.scored[:, 0] for one in examples]))
     return Drives(
-        torch.tensor(route_rows),
-        torch.full((count,), 0.5 * FREE_LENGTH),
+        torch.tensor(route),
+        torch.tensor([0.5 * float(one.length[0]) for one in traffics]),
         position,
-        speeds,
+        speed,
         torch.full_like(position, NO_LEAD),
         torch.full_like(position, FREE_LEAD_SPEED),
-        torch.ones_like(known_rows),
-        known_rows,
+        torch.ones_like(known),
+        known,
     )
+
+
+def joined(*parts: Drives) -> Drives:
+    """One after the other."""
+    return Drives(*(torch.cat(one) for one in zip(*parts, strict=True)))

@@ -1,4 +1,4 @@
-"""Recorded moments as tensors, from which all vehicles are predicted jointly with gradients."""
+"""Moments as tensors, from which all vehicles are predicted jointly with gradients."""
 
 from __future__ import annotations
 
@@ -10,20 +10,20 @@ import torch
 from torch import Tensor
 
 from imitation.drives import Motion
+from imitation.examples import Example
 from imitation.map_tables import MapTables
 from imitation.torch_model import TorchPredictor, Vehicles
 from imitation.torch_networks import Networks
 from intersection_env import _core
 from intersection_env.constants import STEPS
-from intersection_env.evaluation.moments import Moment
 
 
 class JointMoments(NamedTuple):
     """Moments side by side, and what became of them.
 
     vehicles: at the start. assignment: (moment, pair) int8, what is implied without intervention. position, speed:
-    (moment, time, vehicle) as recorded [m], [m/s]. scored: (moment, time, vehicle) bool, a car or truck that is
-    recorded then and at the start. width: (moment,) how many vehicles.
+    (moment, time, vehicle) as it became [m], [m/s]. scored: (moment, time, vehicle) bool, what counts of it. width:
+    (moment,) how many vehicles.
     """
 
     vehicles: Vehicles
@@ -34,23 +34,22 @@ class JointMoments(NamedTuple):
     width: Tensor
 
     @classmethod
-    def of(cls, tables: MapTables, moments: Sequence[Moment]) -> JointMoments:
-        """These moments, on maps that the tables know."""
-        vehicles = Vehicles.of(tables, [moment.traffic for moment in moments])
+    def of(cls, tables: MapTables, examples: Sequence[Example]) -> JointMoments:
+        """The moments of these examples, on maps that the tables know."""
+        vehicles = Vehicles.of(tables, [one.traffic for one in examples])
         assignment = torch.zeros(vehicles.i.shape, dtype=torch.int8)
-        shape = (len(moments), STEPS + 1, vehicles.route.shape[1])
+        shape = (len(examples), STEPS + 1, vehicles.route.shape[1])
         position, speed, scored = torch.zeros(shape), torch.zeros(shape), torch.zeros(shape, dtype=torch.bool)
-        for row, moment in enumerate(moments):
-            traffic = moment.traffic
-            none = np.zeros((1, len(traffic.conflicts)), np.int8)
-            implied = _core.complete(traffic.intersection.core, traffic.core, none)[0]
-            assignment[row, : len(implied)] = torch.from_numpy(implied)
-            position[row, :, : len(traffic)] = torch.from_numpy(moment.recorded.data)
-            scored[row, :, : len(traffic)] = torch.from_numpy(moment.scored & moment.scored[0])
-            for i, track in enumerate(moment.tracks()):
-                known = torch.from_numpy(track.speed[moment.future(track)].copy())
-                speed[row, : len(known), i] = known
-        return cls(vehicles, assignment, position, speed, scored, torch.tensor([len(one.traffic) for one in moments]))
+        for row, one in enumerate(examples):
+            count, pairs = len(one.traffic), len(one.traffic.conflicts)
+            none = np.zeros((1, pairs), np.int8)
+            assignment[row, :pairs] = torch.from_numpy(
+                _core.complete(one.traffic.intersection.core, one.traffic.core, none)[0]
+            )
+            position[row, :, :count] = torch.from_numpy(one.position)
+            speed[row, :, :count] = torch.from_numpy(one.speed)
+            scored[row, :, :count] = torch.from_numpy(one.scored)
+        return cls(vehicles, assignment, position, speed, scored, torch.tensor([len(one.traffic) for one in examples]))
 
     def rows(self, chosen: Tensor) -> JointMoments:
         """Some of the moments, no wider than the largest of them."""

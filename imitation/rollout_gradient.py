@@ -30,7 +30,8 @@ from agents.training.folder import RunFolder, decisive, file_hash, joint_hash
 from agents.training.loop import Epochs
 from agents.training.seeds import train_seeds
 from imitation.closer_look import closer_look, last_look, watched
-from imitation.drives import Drives, Motion, free_drives, recorded_drives
+from imitation.drives import Drives, Motion, free_drives, joined, recorded_drives
+from imitation.examples import free_examples, recorded_examples
 from imitation.gail import usable_places
 from imitation.joint_moments import JointMoments
 from imitation.map_tables import MapTables
@@ -44,7 +45,6 @@ from intersection_env.scenes.places import ALL_SCENES, each_place, map_names
 from intersection_env.scenes.scenes import Scenes, scenes_path
 
 COMMAND = "python -m imitation.rollout_gradient"
-TEACHER = "idm_calibrated"  # of free drives
 
 
 @dataclass(frozen=True)
@@ -77,12 +77,12 @@ class RolloutSettings:
     """Of an update; alone."""
     moments: int = 64
     """Of an update; jointly."""
-    free: int = 64
-    """Free drives beside them in each update, as the calibrated IDM drives them."""
+    free_share: float = 0.15
+    """Free drives for each recorded vehicle of an update, as the teacher drives them."""
     free_drives: int = 4000
     """From which these are drawn."""
-    free_weight: float = 0.15
-    """Of their loss."""
+    teacher: str = "idm_calibrated"
+    """A policy, whose free drives are learned from where nobody is recorded."""
     learning_rate: float = 5e-3
     """The highest, risen to and fallen from linearly, alone."""
     joint_learning_rate: float = 4e-3
@@ -120,11 +120,10 @@ RISE, LAST = 0.2, 0.02  # share of the updates in which the rate rises, and what
 
 @dataclass(frozen=True)
 class Data:
-    """What is learned from, as tensors."""
+    """What is learned from, as tensors: drives alone and moments, each with the free drives at their end."""
 
     tables: MapTables
     drives: Drives
-    free: Drives
     moments: JointMoments | None
 
     @classmethod
@@ -132,12 +131,13 @@ class Data:
         """The training scenes of these places."""
         maps = [place.intersection for place in places]
         tables, generator = MapTables.of(maps), np.random.default_rng(settings.seed)
-        drives = recorded_drives(tables, places, "train", settings.every)
-        free = free_drives(tables, maps, Predictor.load(TEACHER), settings.free_drives, generator)
+        free = free_examples(maps, Predictor.load(settings.teacher), settings.free_drives, generator)
+        recorded = recorded_drives(tables, places, "train", settings.every)
         moments = None
         if settings.alone_epochs < settings.epochs:
-            moments = JointMoments.of(tables, followed(moments_in(places, "train", settings.every)[0]))
-        return cls(tables, drives, free, moments)
+            seen = followed(moments_in(places, "train", settings.every)[0])
+            moments = JointMoments.of(tables, recorded_examples(seen) + free)
+        return cls(tables, joined(recorded, free_drives(tables, free)), moments)
 
 
 def train_driver(
@@ -195,17 +195,20 @@ def train_driver(
 def _batches(
     data: Data, settings: RolloutSettings, epoch: int, generator: torch.Generator
 ) -> Iterator[tuple[float, Tensor]]:
-    """The rows of each update of an epoch, and how far its part of the training is by then: 0 to 1."""
-    if epoch <= settings.alone_epochs:
-        drawn, size = torch.randperm(len(data.drives.route), generator=generator), settings.drives
+    """The rows of each update of an epoch, free drives last, and how far its part of the training is: 0 to 1."""
+    if epoch <= settings.alone_epochs or data.moments is None:
+        width, size, share = torch.ones_like(data.drives.route), settings.drives, 1.0
         before, count = epoch - 1, settings.alone_epochs
     else:
-        assert data.moments is not None
-        drawn, size = torch.randperm(len(data.moments.width), generator=generator), settings.moments
-        drawn = drawn[: max(round(settings.moments_share * len(drawn)), 1)]
+        width, size, share = data.moments.width, settings.moments, settings.moments_share
         before, count = epoch - settings.alone_epochs - 1, settings.epochs - settings.alone_epochs
+    recorded = len(width) - settings.free_drives
+    drawn = torch.randperm(recorded, generator=generator)[: max(round(share * recorded), 1)]
     parts = torch.split(drawn, size)
-    yield from (((before + place / len(parts)) / count, rows) for place, rows in enumerate(parts))
+    for place, rows in enumerate(parts):
+        free = (round(settings.free_share * int(width[rows].sum())),)
+        beside = recorded + torch.randint(settings.free_drives, free, generator=generator)
+        yield (before + place / len(parts)) / count, torch.cat([rows, beside])
 
 
 def _rate(settings: RolloutSettings, epoch: int, share: float) -> float:
@@ -216,22 +219,18 @@ def _rate(settings: RolloutSettings, epoch: int, share: float) -> float:
 def _loss(
     data: Data, networks: Networks, settings: RolloutSettings, epoch: int, rows: Tensor, generator: torch.Generator
 ) -> Tensor:
-    """Of the drives alone, or of moments predicted jointly, in these rows; and of some free drives."""
-    free = data.free.rows(torch.randint(len(data.free.route), (settings.free,), generator=generator))
-    motion = free.driven(data.tables, networks, STEPS)
-    of_free = settings.free_weight * _error(motion, free.position, free.speed, free.known, settings)
-    if epoch <= settings.alone_epochs:
-        drives = data.drives.rows(rows)
-        noise = None
-        if settings.noise:
-            drawn = torch.randn((settings.steps, len(rows), len(DRIVING_SCALE)), generator=generator)
-            noise = settings.noise * drawn / torch.tensor(DRIVING_SCALE)
-        motion = drives.driven(data.tables, networks, settings.steps, noise)
-        return of_free + _error(motion, drives.position, drives.speed, drives.known, settings)
-    assert data.moments is not None
-    moments = data.moments.rows(rows)
-    motion = moments.driven(data.tables, networks, settings.learns_gaps)
-    return of_free + _error(motion, moments.position, moments.speed, moments.scored, settings)
+    """Of the drives alone, or of the moments predicted jointly, in these rows."""
+    if epoch > settings.alone_epochs:
+        assert data.moments is not None
+        moments = data.moments.rows(rows)
+        motion = moments.driven(data.tables, networks, settings.learns_gaps)
+        return _error(motion, moments.position, moments.speed, moments.scored, settings)
+    drives, noise = data.drives.rows(rows), None
+    if settings.noise:
+        drawn = torch.randn((settings.steps, len(rows), len(DRIVING_SCALE)), generator=generator)
+        noise = settings.noise * drawn / torch.tensor(DRIVING_SCALE)
+    motion = drives.driven(data.tables, networks, settings.steps, noise)
+    return _error(motion, drives.position, drives.speed, drives.known, settings)
 
 
 def _error(motion: Motion, position: Tensor, speed: Tensor, known: Tensor, settings: RolloutSettings) -> Tensor:
@@ -251,7 +250,7 @@ def main(settings: RolloutSettings) -> int:
         decider = gap_decider(settings.decider)
         places = usable_places(settings.scenes, settings.map)
         hashes: dict[str, Any] = {"scenes": [file_hash(scenes_path(name)) for name in settings.scenes]}
-        hashes |= {"gap": gap_hash(decider), "teacher": gap_hash(policy_named(TEACHER, None)[0])}
+        hashes |= {"gap": gap_hash(decider), "teacher": gap_hash(policy_named(settings.teacher, None)[0])}
         data = joint_hash([*hashes["scenes"], hashes["gap"], hashes["teacher"]])
         folder = RunFolder.begin(settings.run, decisive(settings), data, settings.resume, settings.tensorboard)
         driver, gaps = train_driver(places, settings, folder)

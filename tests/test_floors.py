@@ -38,7 +38,7 @@ FLOORS = {
     "data": (("recording",), ("formats", "pipeline", "sumo"), ("build", "describe"), ("align",)),
     "agents": (("networks", "training"), ("rollouts",), ("gap", "idm", "ppo")),
     "imitation": (
-        ("tracks", "discriminator", "map_tables", "torch_networks"),
+        ("tracks", "discriminator", "map_tables", "torch_networks", "examples"),
         ("expert", "replay_error", "torch_model"),
         ("closer_look", "drives"),
         ("joint_moments",),

@@ -10,6 +10,7 @@ from torch import Tensor
 from agents.networks.driving import DrivingNetwork
 from agents.networks.export import driving_network
 from imitation.drives import free_drives, recorded_drives
+from imitation.examples import free_examples
 from imitation.expert import expert_steps
 from imitation.map_tables import MapTables
 from imitation.torch_networks import Networks, View
@@ -79,7 +80,7 @@ def test_starts_are_so_far_apart_and_no_drive_is_too_short(scenes: Scenes, table
 def test_free_drives_move_as_the_core_predicts(name: str, scenes: Scenes, tables: MapTables) -> None:
     """The same network, from the same starts: it drives here as it does there."""
     predictor = Predictor.load(name)
-    free = free_drives(tables, [scenes.intersection], predictor, 40, np.random.default_rng(0))
+    free = free_drives(tables, free_examples([scenes.intersection], predictor, 40, np.random.default_rng(0)))
     with torch.no_grad():
         motion = free.driven(tables, networks(driving_network(predictor.policy)), STEPS)
     known = free.known[:, 1:]
@@ -90,7 +91,8 @@ def test_free_drives_move_as_the_core_predicts(name: str, scenes: Scenes, tables
 
 def test_behind_a_standing_lead_it_stops(scenes: Scenes, tables: MapTables) -> None:
     """The limits of a prediction hold: a driver that only accelerates stops before the rear bumper ahead."""
-    begin = free_drives(tables, [scenes.intersection], Predictor.load("idm"), 1, np.random.default_rng(0))
+    alone = free_examples([scenes.intersection], Predictor.load("idm"), 1, np.random.default_rng(0))
+    begin = free_drives(tables, alone)
     rear = 40.0 + torch.zeros_like(begin.position)
     start = begin._replace(position=torch.zeros_like(rear), lead_rear=rear, lead_speed=torch.zeros_like(rear))
 
@@ -108,7 +110,7 @@ def test_gradients_reach_the_driver_and_are_finite(scenes: Scenes, tables: MapTa
     drives = recorded_drives(tables, [scenes], "train", 4.0)
     driver = DrivingNetwork()
     motion = drives.driven(tables, networks(driver), STEPS)
-    ((motion.position - drives.position[:, 1:]) * drives.known[:, 1:]).square().mean().backward()
+    ((motion.position - drives.position[:, 1:]) * drives.known[:, 1:]).square().mean().backward()  # type: ignore[no-untyped-call]
     for weights in driver.parameters():
         assert weights.grad is not None
         assert bool(weights.grad.isfinite().all())

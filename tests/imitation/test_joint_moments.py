@@ -8,6 +8,7 @@ import torch
 
 from agents.networks.driving import DrivingNetwork
 from agents.networks.export import driving_network, gap_network
+from imitation.examples import recorded_examples
 from imitation.joint_moments import JointMoments
 from imitation.map_tables import MapTables
 from imitation.torch_networks import Networks
@@ -40,7 +41,7 @@ def networks() -> Networks:
 
 def test_each_moment_is_predicted_as_by_the_core(moments: list[Moment], tables: MapTables, networks: Networks) -> None:
     with torch.no_grad():
-        motion = JointMoments.of(tables, moments).driven(tables, networks, learns_gaps=True)
+        motion = JointMoments.of(tables, recorded_examples(moments)).driven(tables, networks, learns_gaps=True)
     predictor = Predictor.load("gail")
     for row, moment in enumerate(moments):
         core, count = predictor.predict(moment.traffic), len(moment.traffic)
@@ -50,7 +51,7 @@ def test_each_moment_is_predicted_as_by_the_core(moments: list[Moment], tables: 
 
 
 def test_some_rows_are_predicted_as_all_are(moments: list[Moment], tables: MapTables, networks: Networks) -> None:
-    every = JointMoments.of(tables, moments)
+    every = JointMoments.of(tables, recorded_examples(moments))
     chosen = torch.tensor([5, 1, 12])
     some = every.rows(chosen)
     assert some.position.shape[2] == int(some.width.max()) + 1
@@ -65,7 +66,7 @@ def test_some_rows_are_predicted_as_all_are(moments: list[Moment], tables: MapTa
 def test_what_was_recorded_stands_beside_and_only_cars_and_trucks_count(
     moments: list[Moment], tables: MapTables
 ) -> None:
-    found = JointMoments.of(tables, moments)
+    found = JointMoments.of(tables, recorded_examples(moments))
     for row, moment in enumerate(moments):
         count = len(moment.traffic)
         np.testing.assert_array_equal(found.position[row, :, :count].numpy(), moment.recorded.data)
@@ -78,10 +79,10 @@ def gradients(moments: list[Moment], tables: MapTables, learns_gaps: bool) -> tu
     """The positions after 10 s, and the gap network's gradients of their sum."""
     policy = Predictor.load("gail").policy
     gaps = gap_network(policy)
-    motion = JointMoments.of(tables, moments).driven(
+    motion = JointMoments.of(tables, recorded_examples(moments)).driven(
         tables, Networks(driving_network(policy), gaps), learns_gaps=learns_gaps
     )
-    motion.position[:, -1].sum().backward()
+    motion.position[:, -1].sum().backward()  # type: ignore[no-untyped-call]
     return motion.position.detach(), [one.grad for one in gaps.parameters() if one.grad is not None]
 
 
@@ -102,9 +103,9 @@ def test_accepting_more_gaps_takes_drivers_further(moments: list[Moment], tables
 
 def test_gradients_reach_the_driver_and_are_finite(moments: list[Moment], tables: MapTables) -> None:
     driver, gaps = DrivingNetwork(), gap_network(Predictor.load("gail").policy)
-    found = JointMoments.of(tables, moments)
+    found = JointMoments.of(tables, recorded_examples(moments))
     motion = found.driven(tables, Networks(driver, gaps), learns_gaps=True)
-    ((motion.position - found.position[:, 1:]) * found.scored[:, 1:]).square().mean().backward()
+    ((motion.position - found.position[:, 1:]) * found.scored[:, 1:]).square().mean().backward()  # type: ignore[no-untyped-call]
     for weights in driver.parameters():
         assert weights.grad is not None
         assert bool(weights.grad.isfinite().all())

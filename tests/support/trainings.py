@@ -70,7 +70,6 @@ TINY_ROLLOUT = RolloutSettings(
     moments_share=0.2,
     drives=64,
     moments=8,
-    free=8,
     free_drives=40,
     checkpoint_every=3,
 )
