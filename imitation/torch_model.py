@@ -19,7 +19,7 @@ from intersection_env.constants import DT, FREE_LEAD_SPEED, LEAD_RANGE, STEPS
 from intersection_env.maps.intersection import Sample
 from intersection_env.policies.file import NetworkWeights, PolicyFile
 
-LEAST_LEAD_GAP, ROUNDED_STOP, OVERSHOOT = 0.5, 0.02, 0.05  # [m], of what limits a network
+LEAST_LEAD_GAP, ROUNDED_STOP = 0.5, 0.02  # [m], of what limits a network
 
 
 class State(NamedTuple):
@@ -146,8 +146,7 @@ class TorchPredictor:
                 -1,
             )
             acceleration = self.scale * torch.tanh(self.driving(features))
-            may_run = delta | (to_line < braking - OVERSHOOT)
-            acceleration = self._limited(acceleration, speed, to_line, may_run, to_lead, lead_speed)
+            acceleration = self._limited(acceleration, speed, to_line, delta, to_lead, lead_speed)
             lost = lost + torch.where(present, DT * (1.0 - speed / v_max), 0.0)
             faster = (speed + DT * acceleration).clamp(min=0.0)
             position = torch.where(present, position + 0.5 * DT * (speed + faster), position)
@@ -156,16 +155,16 @@ class TorchPredictor:
             yield State(position, speed, present, lost, asked)
 
     def _limited(
-        self, acceleration: Tensor, speed: Tensor, to_line: Tensor, may_run: Tensor, to_lead: Tensor, lead_speed: Tensor
+        self, acceleration: Tensor, speed: Tensor, to_line: Tensor, delta: Tensor, to_lead: Tensor, lead_speed: Tensor
     ) -> Tensor:
-        """What keeps every vehicle able to stop behind its lead, and those that must at their lines."""
+        """What keeps every vehicle able to stop behind its lead, and those that wait from crossing their lines."""
         hardest = self.scale
         lead_next = (lead_speed - DT * hardest).clamp(min=0.0)
         lead_way = 0.5 * DT * (lead_speed + lead_next) + lead_next.square() / (2.0 * hardest)
         following = (speed + DT * acceleration).clamp(min=0.0)
         slower = acceleration
         bounds = ((to_lead + lead_way - LEAST_LEAD_GAP, hardest), (to_line - ROUNDED_STOP, _core.BRAKING))
-        for (distance, b), free in zip(bounds, (torch.zeros_like(may_run), may_run), strict=True):
+        for (distance, b), free in zip(bounds, (torch.zeros_like(delta), delta), strict=True):
             rest = distance - 0.5 * DT * speed
             breaks = following * (0.5 * DT + following / (2.0 * b)) > rest
             stops = b * ((0.25 * DT**2 + rest * (2.0 / b)).clamp(min=0.0).sqrt() - 0.5 * DT)

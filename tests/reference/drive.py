@@ -67,13 +67,13 @@ def free_speed(intersection: Map, traffic: Traffic, i: int, p: Idm) -> float:
 
 
 def limited(features: Floats, wanted: float) -> float:
-    """What a network may do: stay able to stop behind its lead, and before a line that it must not cross."""
+    """What a network may do: stay able to stop behind its lead, and not cross a line where it must wait."""
     to_line, speed = float(features[Feature.D_STOP]), float(features[Feature.SPEED])
     lead_gap, lead_speed = float(features[Feature.D_LEAD]), float(features[Feature.V_LEAD])
     lead_next = max(0.0, lead_speed - TIME_STEP * NETWORK_ACCELERATION)
     lead_stops = TIME_STEP * (lead_speed + lead_next) / 2 + lead_next**2 / (2 * NETWORK_ACCELERATION)
     bounds = [(lead_gap + lead_stops - 0.5, NETWORK_ACCELERATION)]
-    if features[Feature.DELTA] == 0 and to_line >= max(speed, 0.0) ** 2 / (2 * BRAKING) - 0.05:
+    if features[Feature.DELTA] == 0:
         bounds.append((to_line - 0.02, BRAKING))
     allowed = wanted
     for distance, b in bounds:

@@ -12,7 +12,6 @@ constexpr float LEAST_GAP = 0.1F; // [m], ours: keeps the model finite where bum
 // Ours, of what limits a network:
 constexpr float LEAST_LEAD_GAP = 0.5F; // [m], at which vehicles count as colliding
 constexpr float ROUNDED_STOP = 0.02F;  // [m], by which a stop in whole steps may be longer than v²/2b
-constexpr float OVERSHOOT = 0.05F;     // [m], who is so little beyond where it could stop is kept too
 
 // inverse_root: 1 / (2 sqrt(a b))
 inline Floats idm(const IdmParameters& p, float inverse_root, Floats speed, Floats free_speed, Floats gap,
@@ -32,8 +31,9 @@ inline Floats speed_before(Floats way, float b) {
     return b * (root(most(fused(way, all(2.0F / b), all(0.25F * DT * DT)), all(0.0F))) - 0.5F * DT);
 }
 
-// What keeps a network to the rules: whoever must not cross the line and is able to stop stays able to, and everybody
-// can stop behind the lead, whatever that one does. hardest: the strongest braking of all vehicles [m/s²].
+// What keeps a network to the rules: whoever must not cross the line stays able to stop there, or stops at once where
+// it is not, and everybody can stop behind the lead, whatever that one does. hardest: the strongest braking of all
+// vehicles [m/s²].
 inline Floats limited(const VehicleLanes& vehicle, Floats acceleration, float hardest) {
     const Floats lead_next = most(vehicle.lead_speed - DT * hardest, all(0.0F));
     const Floats to_lead = fused(vehicle.lead_speed, all(0.5F * DT), vehicle.lead_distance - LEAST_LEAD_GAP) +
@@ -42,8 +42,7 @@ inline Floats limited(const VehicleLanes& vehicle, Floats acceleration, float ha
     const Floats before_line = fused(vehicle.speed, all(-0.5F * DT), vehicle.distance_to_stop_line - ROUNDED_STOP);
     const Floats next = most(fused(acceleration, all(DT), vehicle.speed), all(0.0F));
     const Ints close = way_after(next, hardest) > behind_lead;
-    const Ints held = ~vehicle.delta & (vehicle.distance_to_stop_line + OVERSHOOT >= vehicle.braking_distance) &
-                      (way_after(next, BRAKING) > before_line);
+    const Ints held = ~vehicle.delta & (way_after(next, BRAKING) > before_line);
     if (!any(close | held)) {
         return acceleration;
     }
