@@ -145,7 +145,8 @@ class TorchPredictor:
                 ),
                 -1,
             )
-            acceleration = self.scale * torch.tanh(self.driving(features))
+            to_top = (torch.maximum(speed, self.max_speed) - speed) / DT
+            acceleration = (self.scale * torch.tanh(self.driving(features))).minimum(to_top)
             acceleration = self._limited(acceleration, speed, to_line, delta, to_lead, lead_speed)
             lost = lost + torch.where(present, DT * (1.0 - speed / v_max), 0.0)
             faster = (speed + DT * acceleration).clamp(min=0.0)

@@ -200,7 +200,7 @@ void store_state(const Trajectories& t, int count, int step, const OneScenario& 
 void move(const Problem& problem, float inverse_root, const Trajectories& t, int step, int r, OneScenario& run) {
     VehicleRow& row = run.rows[r];
     const int count = problem.vehicle_count;
-    const Floats acceleration = drive(problem, inverse_root, row);
+    const Floats acceleration = drive(problem, inverse_root, row.max_speed, row);
     row.time_loss += row.present ? DT * (1.0F - row.speed / row.v_max()) : all(0.0F);
     const Floats applied = advance(acceleration, 0.0F, row.present, row);
     row.present &= row.position < row.route_length;

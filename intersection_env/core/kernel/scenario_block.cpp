@@ -182,7 +182,8 @@ void predict_scenario_block(const Problem& problem, const ScenarioArguments& arg
             if (wants_trajectories) {
                 store_state(arguments, count, step, i, vehicle);
             }
-            const Floats wanted = any(vehicle.present) ? drive(problem, inverse_root, vehicle) : all(0.0F);
+            const Floats top_speed = all(problem.vehicles[i].max_speed);
+            const Floats wanted = any(vehicle.present) ? drive(problem, inverse_root, top_speed, vehicle) : all(0.0F);
             const Floats applied = advance(problem.vehicles[i], wanted, vehicle);
             if (wants_trajectories) {
                 store_action(arguments, count, step, i, vehicle, applied);
