@@ -113,7 +113,7 @@ def train_driver(settings: PpoSettings, folder: RunFolder | None = None, progres
         progress: whether to show a bar.
 
     Raises:
-        Interrupted: Ctrl-C was pressed; the checkpoint stands at the last whole epoch.
+        Interrupted: Ctrl-C or SIGTERM came; the checkpoint stands at the last whole epoch.
         ValueError, OSError: as of `ClosedLoopWorlds`.
     """
     torch.manual_seed(settings.seed)  # the networks' first weights

@@ -203,6 +203,7 @@ def _ranking(table: pd.DataFrame, traffic: Traffic) -> str:
             "worst [s]": shown["worst_time_loss"].map("{:.2f}".format),
             "gain [s]": shown["gain"].map("{:+.2f}".format),
             "distance [m]": shown["minimum_distance"].map("{:.2f}".format),
+            "followed": shown["followed"].map(yes),
             "safe": shown["safe"].map(yes),
             "worth it": shown["worth_executing"].map(yes),
             "order": words,

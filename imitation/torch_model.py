@@ -162,12 +162,12 @@ class TorchPredictor:
             asked = asked + open_.sum()
             # drive and advance
             view = View(to_line, speed, v_max, headings, to_lead, lead_speed)
-            acceleration = self.networks.drive(view, delta)
+            acceleration = self.networks.drive(view, delta, max_speed=known.max_speed)
             if learns_gaps:
                 undecided = ~(told | kept | settled)
                 accepts = of_vehicle.scatter_add(1, i, torch.where(open_, logsigmoid(logit), 0.0)).exp()
                 with torch.no_grad():
-                    otherwise = self.networks.drive(view, ~delta) - acceleration
+                    otherwise = self.networks.drive(view, ~delta, max_speed=known.max_speed) - acceleration
                     gained = torch.where(undecided, torch.where(delta, -otherwise, otherwise), 0.0)
                 acceleration = acceleration + gained * (accepts - accepts.detach())
             lost = lost + torch.where(present, DT * (1.0 - speed / v_max), 0.0)

@@ -100,7 +100,7 @@ def train_network(
         progress: whether to show a bar.
 
     Raises:
-        Interrupted: Ctrl-C was pressed; the checkpoint stands at the last whole epoch.
+        Interrupted: Ctrl-C or SIGTERM came; the checkpoint stands at the last whole epoch.
     """
     torch.manual_seed(settings.seed)  # the network's first weights
     network, generator = GapNetwork(), torch.Generator().manual_seed(settings.seed)

@@ -11,12 +11,12 @@ import torch
 
 from agents.training.interrupt import Interrupted
 
-FAILED, INTERRUPTED = 1, 130
-"""Exit statuses; the second is what a shell says of Ctrl-C."""
+FAILED = 1
+"""The exit status for wrong files and settings."""
 
 
 class Command:
-    """Within it, what is wrong with files and settings, and Ctrl-C, ends in a line and a `status` instead of a trace.
+    """Within it, wrong files and settings, Ctrl-C and SIGTERM end in a line and a `status` instead of a trace.
 
     with Command(settings.run / "ppo.policy") as command:
         ...  # trains, and writes that file
@@ -39,7 +39,7 @@ class Command:
             print(f"written: {self.output}, in {time.perf_counter() - self._begin:.0f} s")
         elif isinstance(error, Interrupted):
             print(f"interrupted; --resume goes on from {self.output.parent}", file=sys.stderr)
-            self.status = INTERRUPTED
+            self.status = error.status
         elif isinstance(error, OSError | ValueError):
             print(f"error: {error}", file=sys.stderr)
             self.status = FAILED

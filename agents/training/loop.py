@@ -1,4 +1,4 @@
-"""The epochs of a training: which are left, their metrics and checkpoints, Ctrl-C, and what falls over them."""
+"""The epochs of a training: which are left, metrics and checkpoints, signals that end them, what falls over them."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import torch
 from tqdm import tqdm
 
 from agents.training.folder import RunFolder
-from agents.training.interrupt import Interrupted, ctrl_c
+from agents.training.interrupt import Interrupted, told_to_end
 
 PROJECTED_FROM = 5  # epochs
 
@@ -40,7 +40,7 @@ class Epochs:
                     row |= ...  # looks closer, as a checkpoint follows
                 epochs.end(row)
 
-    Within it, Ctrl-C waits for the end of the epoch under way.
+    Within it, Ctrl-C and SIGTERM wait for the end of the epoch under way.
     """
 
     def __init__(
@@ -61,7 +61,7 @@ class Epochs:
         self._within = contextlib.ExitStack()
 
     def __enter__(self) -> Epochs:
-        self._interrupted = self._within.enter_context(ctrl_c())
+        self._told = self._within.enter_context(told_to_end())
         return self
 
     def __exit__(
@@ -103,7 +103,7 @@ class Epochs:
 
     @property
     def is_due(self) -> bool:
-        """Whether this epoch ends with a checkpoint, pressed keys aside."""
+        """Whether this epoch ends with a checkpoint, signals aside."""
         return self.epoch == self.count or self.epoch % self._every == 0
 
     def show(self, **figures: str) -> None:
@@ -114,10 +114,10 @@ class Epochs:
         """Ends the epoch: adds its row to the metrics, and a checkpoint if that is due.
 
         Raises:
-            Interrupted: Ctrl-C was pressed; the checkpoint is of this epoch.
+            Interrupted: Ctrl-C or SIGTERM came; the checkpoint is of this epoch.
             OSError: a file cannot be written.
         """
-        stop = self._interrupted()
+        signal_number = self._told()
         self._bar.update()
         if self._progress and self.epoch == self._first + PROJECTED_FROM:
             left = self.count - self._first
@@ -125,11 +125,11 @@ class Epochs:
             self._bar.write(f"{left} epochs at this rate: {hours:.2f} h")
         if self._folder:
             self._folder.append({"epoch": self.epoch, **row})
-            if self.is_due or stop:
+            if self.is_due or signal_number is not None:
                 states = {name: _state_of(part) for name, part in self._parts.items()}
                 self._folder.save({"epoch": self.epoch, **states})
-        if stop and self.epoch < self.count:
-            raise Interrupted
+        if signal_number is not None and self.epoch < self.count:
+            raise Interrupted(signal_number)
 
 
 def linear(first: float, last: float, share: float) -> float:

@@ -17,8 +17,9 @@ from typing import Any
 
 from tqdm import tqdm
 
-from agents.training.command import FAILED, INTERRUPTED
+from agents.training.command import FAILED
 from agents.training.folder import METRICS, last_row
+from agents.training.interrupt import SIGNALED, told_to_end
 from agents.training.ray import ray_for
 
 WATCH_EVERY = 1.0  # [s]
@@ -27,15 +28,15 @@ WATCH_EVERY = 1.0  # [s]
 def train_seeds(main: Callable[[Any], int], settings: Any) -> int:
     """Trains once for each of `settings.seeds`, each a Ray task that takes one core, or as many as `settings.threads`.
 
-    What a seed prints is shown when it has ended; one that fails does not end the others. Ctrl-C ends all at their next
-    whole epoch.
+    What a seed prints is shown when it has ended; one that fails does not end the others. Ctrl-C and SIGTERM end all at
+    their next whole epoch.
 
     Args:
         main: the trainer's; returns its exit status.
         settings: the trainer's.
 
     Returns:
-        The exit status: 0, 1 if a seed failed, 130 after Ctrl-C.
+        The exit status: 0, 1 if a seed failed, 130 after Ctrl-C, 143 after SIGTERM.
     """
     if settings.workers:
         print("error: --seeds and --workers do not go together", file=sys.stderr)
@@ -66,8 +67,9 @@ def _train(main: Callable[[Any], int], settings: Any, folder: str) -> tuple[int,
 
 def _watch(ray: Any, tasks: dict[int, Any], settings: dict[int, Any]) -> int:
     """Shows a bar a seed until all have ended; returns the exit status of all."""
-    status, interrupted = 0, False
+    status, signal_number = 0, None
     with contextlib.ExitStack() as after:
+        told = after.enter_context(told_to_end())
         bars = {
             seed: after.enter_context(
                 tqdm(total=settings[seed].epochs, desc=f"seed {seed}", position=position, disable=None, unit="epoch")
@@ -75,12 +77,8 @@ def _watch(ray: Any, tasks: dict[int, Any], settings: dict[int, Any]) -> int:
             for position, seed in enumerate(tasks)
         }
         while tasks:
-            try:
-                ended, _ = ray.wait(list(tasks.values()), timeout=WATCH_EVERY)
-            except KeyboardInterrupt:
-                if interrupted:
-                    raise
-                ended, interrupted = [], True
+            ended, _ = ray.wait(list(tasks.values()), timeout=WATCH_EVERY)
+            if signal_number is None and (signal_number := told()) is not None:
                 for one in tasks.values():
                     ray.cancel(one)
             for seed in list(tasks):
@@ -91,7 +89,7 @@ def _watch(ray: Any, tasks: dict[int, Any], settings: dict[int, Any]) -> int:
                     failed, printed = _ended(ray, tasks.pop(seed))
                     tqdm.write(f"seed {seed}: {printed.strip()}", file=sys.stderr if failed else sys.stdout)
                     status = max(status, int(failed))
-    return INTERRUPTED if interrupted else status
+    return status if signal_number is None else SIGNALED + signal_number
 
 
 def _ended(ray: Any, task: Any) -> tuple[bool, str]:

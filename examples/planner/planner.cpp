@@ -48,13 +48,13 @@ void print(const env::Planner& planner, const env::Traffic& traffic, const std::
            const env::Ranking& ranking, std::size_t lines) {
     const std::vector<std::string> orders =
         env::in_words(planner.map(), traffic, ranking.pairs, ids, ranking.priorities.data(), ranking.maneuvers.size());
-    std::printf("%9s %9s %9s %9s  %-5s %-8s  %s\n", "total/s", "worst/s", "gain/s", "distance", "safe", "execute",
-                "order");
+    std::printf("%9s %9s %9s %9s  %-8s %-5s %-8s  %s\n", "total/s", "worst/s", "gain/s", "distance", "followed", "safe",
+                "execute", "order");
     for (std::size_t k = 0; k < orders.size() && k < lines; ++k) {
         const env::Maneuver& m = ranking.maneuvers[k];
-        std::printf("%9.4f %9.4f %9.4f %9.4f  %-5s %-8s  %s\n", m.total_time_loss, m.worst_time_loss, m.gain,
-                    static_cast<double>(m.minimum_distance), m.safe ? "yes" : "no", m.worth_executing ? "yes" : "no",
-                    m.intervention ? orders[k].c_str() : "no intervention");
+        std::printf("%9.4f %9.4f %9.4f %9.4f  %-8s %-5s %-8s  %s\n", m.total_time_loss, m.worst_time_loss, m.gain,
+                    static_cast<double>(m.minimum_distance), m.followed ? "yes" : "no", m.safe ? "yes" : "no",
+                    m.worth_executing ? "yes" : "no", m.intervention ? orders[k].c_str() : "no intervention");
     }
     std::printf("%zu maneuvers, %zu orders left out\n", ranking.maneuvers.size(), ranking.left_out);
 }

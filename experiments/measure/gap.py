@@ -120,9 +120,9 @@ def main(options: Options) -> int:
                 _draw(network, test.select("all"), content["foes"], options.figure)
         print(measures_table(content["foes"]))
         write_result(options.out / f"gap_{name}.json", content)
-    except Interrupted:
+    except Interrupted as interrupt:
         print("interrupted; nothing written", file=sys.stderr)
-        return 130
+        return interrupt.status
     except (OSError, ValueError) as error:
         print(f"error: {error}", file=sys.stderr)
         return 1

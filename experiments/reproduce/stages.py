@@ -12,11 +12,13 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from types import FrameType
 from typing import Any, BinaryIO
 
 from tqdm import tqdm
 
 from agents.training.folder import METRICS, file_hash, last_row
+from agents.training.interrupt import SIGNALED
 from intersection_env.files import written_whole
 
 WATCH_EVERY = 1.0  # [s]
@@ -35,9 +37,9 @@ def exit_status_of(work: Callable[[], None]) -> int:
     """Does work of many stages; says what ended it, if it did not come to its end."""
     try:
         work()
-    except KeyboardInterrupt:
+    except KeyboardInterrupt as interrupt:
         print("\ninterrupted; the same command goes on from here", file=sys.stderr)
-        return 130
+        return SIGNALED + int(interrupt.args[0] if interrupt.args else signal.SIGINT)
     except StageFailedError as failure:
         print(f"error: {failure}", file=sys.stderr)
         return failure.status
@@ -95,7 +97,7 @@ class Stages:
 
 
 def run_module(*arguments: str) -> None:
-    """Runs `python -m ARGUMENTS` as a process of its own, which prints here; Ctrl-C is passed on to it.
+    """Runs `python -m ARGUMENTS` as a process of its own, which prints here; signals are passed on to it as Ctrl-C.
 
     Raises:
         StageFailedError: it ended with an error.
@@ -156,10 +158,17 @@ def _started(arguments: Sequence[str], log: BinaryIO | None = None) -> subproces
 
 @contextmanager
 def _told_to_end_like_ctrl_c() -> Iterator[None]:
-    """Within it, SIGTERM and SIGHUP end this process as Ctrl-C does; its children would outlive it otherwise."""
+    """Within it, SIGTERM and SIGHUP end this process as Ctrl-C does; its children would outlive it otherwise.
+
+    The KeyboardInterrupt then holds the number of the signal.
+    """
+
+    def end(number: int, frame: FrameType | None) -> None:
+        raise KeyboardInterrupt(number)
+
     signals = [one for one in (signal.SIGTERM, signal.SIGHUP) if signal.getsignal(one) is signal.SIG_DFL]  # no nohup
     for one in signals:
-        signal.signal(one, signal.default_int_handler)
+        signal.signal(one, end)
     try:
         yield
     finally:

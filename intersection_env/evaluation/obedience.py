@@ -1,6 +1,9 @@
 """Whether vehicles keep to the rules in predictions: lines at which they are held, assigned orders, gaps to the lead.
 
-Who is held, or goes second, and is able to stop, does stop; who goes first and waits for nobody is free to go.
+Who is held, or goes second, and is able to stop, does stop: at its line, or before its conflict where it stands or
+creeps past its line from the start. Exempt is who cannot stop: who is committed at the start, which nobody may put
+second, and who creeps so near to its conflict that the hardest braking does not keep it out. Who goes first and waits
+for nobody is free to go.
 """
 
 from __future__ import annotations
@@ -12,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from intersection_env import _core
-from intersection_env.constants import ACCELERATION
+from intersection_env.constants import ACCELERATION, DT
 from intersection_env.evaluation.moments import Moment
 from intersection_env.prediction.maneuvers import crossing_orders
 from intersection_env.prediction.predictor import Prediction, Predictor
@@ -29,6 +32,8 @@ class Findings:
     """What was looked at, and what was wrong with it."""
 
     held_steps: int = 0
+    held_past_line: int = 0
+    """Vehicles held at the start where they could not stop at their line, but before their first conflict."""
     assigned_pairs: int = 0
     carried_out: int = 0
     """Assigned pairs in which the second entered the conflict within the horizon, after the first."""
@@ -43,6 +48,7 @@ class Findings:
     def __str__(self) -> str:
         return (
             f"{self.held_steps} held steps, the farthest front {self.farthest:+.3f} m beyond its line;"
+            f" {self.held_past_line} held past their line;"
             f" {self.assigned_pairs} assigned pairs, {self.carried_out} of them carried out within 10 s,"
             f" {self.free_first} firsts free to go; {self.followers} followers, the smallest gap {self.nearest:.2f} m;"
             f" {len(self.wrong)} findings"
@@ -79,59 +85,101 @@ def look_at(
 ) -> None:
     """Notes what is wrong with a prediction under an assignment (pair,); `where` names the traffic."""
     _lines(traffic, prediction, where, findings)
+    _past_lines(traffic, prediction, where, findings)
     _orders(traffic, assignment, prediction, where, findings)
     _gaps(traffic, prediction, where, findings)
 
 
-def _to_line(traffic: Traffic, prediction: Prediction) -> Floats:
-    """d_stop (time, vehicle)."""
-    stop = np.array([traffic.intersection.routes[route].stop_line for route in traffic.route])
-    return np.asarray(stop - prediction.position[0] - traffic.length / 2.0, np.float64)
+def _stop_lines(traffic: Traffic) -> Floats:
+    """(vehicle,) [m]."""
+    return np.array([traffic.intersection.routes[route].stop_line for route in traffic.route], np.float64)
+
+
+def _fronts(traffic: Traffic, prediction: Prediction) -> Floats:
+    """(time, vehicle) [m]."""
+    return np.asarray(prediction.position[0].astype(np.float64) + traffic.length / 2.0, np.float64)
+
+
+def _able(traffic: Traffic, prediction: Prediction) -> NDArray[np.bool_]:
+    """(time, vehicle): could stop at its line."""
+    speed = prediction.speed[0].astype(np.float64)
+    to_line = _stop_lines(traffic) - _fronts(traffic, prediction)
+    return np.asarray(to_line >= speed**2 / (2.0 * _core.BRAKING), np.bool_)
+
+
+def _hardest_stop(speed: Floats) -> Floats:
+    """The way to a standstill in whole steps [m] at a speed [m/s], by the hardest braking of a network."""
+    following = np.maximum(speed - DT * ACCELERATION, 0.0)
+    return np.asarray(DT / 2.0 * (speed + following) + following**2 / (2.0 * ACCELERATION), np.float64)
 
 
 def _lines(traffic: Traffic, prediction: Prediction, where: str, findings: Findings) -> None:
-    to_line, speed = _to_line(traffic, prediction), prediction.speed[0].astype(np.float64)
-    able = to_line >= np.maximum(speed**2 / (2.0 * _core.BRAKING), 0.0)
-    held = able & ~prediction.enters[0] & prediction.present[0]
+    held = _able(traffic, prediction) & ~prediction.enters[0] & prediction.present[0]
     # once held and able to stop, a vehicle is to stay before its line for as long as it is held
     steps, vehicles = np.nonzero(held[:-1] & ~prediction.enters[0][1:] & prediction.present[0][1:])
     findings.held_steps += len(steps)
     if len(steps):
-        beyond = -to_line[steps + 1, vehicles]
+        beyond = (_fronts(traffic, prediction) - _stop_lines(traffic))[steps + 1, vehicles]
         findings.farthest = max(findings.farthest, float(beyond.max()))
         for step, vehicle in zip(steps[beyond > LINE_TOLERANCE], vehicles[beyond > LINE_TOLERANCE], strict=True):
             findings.wrong.append(f"{where}: vehicle {vehicle} runs its line after step {step}")
 
 
+def _past_lines(traffic: Traffic, prediction: Prediction, where: str, findings: Findings) -> None:
+    front, speed = _fronts(traffic, prediction), prediction.speed[0, 0].astype(np.float64)
+    conflict = np.array([traffic.intersection.routes[route].first_conflict for route in traffic.route], np.float64)
+    held = prediction.present[0, 0] & ~prediction.enters[0, 0] & ~_able(traffic, prediction)[0]
+    held &= conflict - front[0] >= _hardest_stop(speed)
+    findings.held_past_line += int(held.sum())
+    waits = np.logical_and.accumulate(~prediction.enters[0][:-1])
+    enters = (waits & (front[1:] > conflict + LINE_TOLERANCE)).any(axis=0)
+    for vehicle in np.flatnonzero(held & enters):
+        findings.wrong.append(f"{where}: vehicle {vehicle} is held past its line, and enters its conflict")
+
+
 def _orders(
     traffic: Traffic, assignment: NDArray[np.int8], prediction: Prediction, where: str, findings: Findings
 ) -> None:
-    to_line, position = _to_line(traffic, prediction), prediction.position[0].astype(np.float64)
-    conflicts = {(c.yielder, c.prioritized): c for c in traffic.intersection.conflicts}
     seconds = {int(pair[0 if way < 0 else 1]) for pair, way in zip(traffic.conflicts, assignment, strict=True) if way}
     undecided = set(traffic.conflicts[assignment == 0].ravel().tolist())  # may wait for a gap, or for one under way
+    conflicts = {(c.yielder, c.prioritized): c for c in traffic.intersection.conflicts}
     for (i, j), way in zip(traffic.conflicts.tolist(), assignment.tolist(), strict=True):
         if way == 0:
             continue
         conflict = conflicts[int(traffic.route[i]), int(traffic.route[j])]
-        intervals = conflict.on_yielder, conflict.on_prioritized
-        (first, first_interval), (second, second_interval) = (
-            ((i, intervals[0]), (j, intervals[1])) if way > 0 else ((j, intervals[1]), (i, intervals[0]))
-        )
-        open_ = prediction.present[0][:, first] & (position[:, first] < first_interval[1])
-        open_ &= position[:, second] - traffic.length[second] / 2.0 < second_interval[1]
-        if to_line[0, second] < prediction.speed[0, 0, second] ** 2 / (2.0 * _core.BRAKING) or not open_[0]:
+        ends = (i, conflict.on_yielder), (j, conflict.on_prioritized)
+        (first, first_interval), (second, second_interval) = ends if way > 0 else ends[::-1]
+        open_ = prediction.present[0][:, first] & (prediction.position[0][:, first] < first_interval[1])
+        open_ &= prediction.position[0][:, second] - traffic.length[second] / 2.0 < second_interval[1]
+        if not open_[0]:
             continue
         findings.assigned_pairs += 1
         while_open = np.logical_and.accumulate(open_)
-        if (to_line[while_open, second] < -LINE_TOLERANCE).any():
-            findings.wrong.append(f"{where}: {second} crosses its line before {first} has cleared")
-        enters = position[:, second] + traffic.length[second] / 2.0 >= second_interval[0]
-        findings.carried_out += bool((enters & ~while_open).any())
+        _second(traffic, prediction, while_open, (first, second), second_interval[0], where, findings)
         if first not in seconds and first not in undecided:
             findings.free_first += 1
             if not prediction.enters[0][prediction.present[0][:, first], first].all():
                 findings.wrong.append(f"{where}: {first} goes first, and is held")
+
+
+def _second(
+    traffic: Traffic,
+    prediction: Prediction,
+    while_open: NDArray[np.bool_],
+    pair: tuple[int, int],
+    begin: float,
+    where: str,
+    findings: Findings,
+) -> None:
+    """Looks at the second of a pair (first, second), whose conflict begins for it at `begin` [m]."""
+    first, second = pair
+    front, speed = _fronts(traffic, prediction)[:, second], prediction.speed[0, :1, second].astype(np.float64)
+    findings.carried_out += bool(((front >= begin) & ~while_open).any())
+    if _able(traffic, prediction)[0, second]:
+        if (front[while_open] > _stop_lines(traffic)[second] + LINE_TOLERANCE).any():
+            findings.wrong.append(f"{where}: {second} crosses its line before {first} has cleared")
+    elif begin - front[0] >= _hardest_stop(speed)[0] and (front[while_open] > begin + LINE_TOLERANCE).any():
+        findings.wrong.append(f"{where}: {second}, past its line, enters the conflict before {first} has cleared")
 
 
 def _gaps(traffic: Traffic, prediction: Prediction, where: str, findings: Findings) -> None:

@@ -55,7 +55,7 @@ def rank_maneuvers(
     *,
     limit: int | None = LIMIT,
 ) -> pd.DataFrame:
-    """Predicts every crossing order and ranks them: safe ones first, then by the total time loss.
+    """Predicts every crossing order and ranks them: safe, unsafe, not followed, and each by the total time loss.
 
     Args:
         predictor: who drives.
@@ -68,8 +68,9 @@ def rank_maneuvers(
     Returns:
         One row an order and one for no intervention: `order` (in words), `total_time_loss`, `worst_time_loss`
         (of any vehicle) and `gain` against no intervention [s], `worth_executing` (safe, and a gain above 2 s),
-        `minimum_distance` [m], `safe` (at least 0.5 m), `intervention` (bool), `priorities` ((pair,) int8,
-        as `Predictor.predict` takes them; `Traffic.words` names them).
+        `minimum_distance` [m], `followed` (in the order's own prediction nobody enters a conflict before the vehicle
+        that the order puts first has cleared it), `safe` (followed, and at least 0.5 m), `intervention` (bool),
+        `priorities` ((pair,) int8, as `Predictor.predict` takes them; `Traffic.words` names them).
 
     Raises:
         TypeError: `cooperative` is one id, not a collection of them.

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import runpy
+import signal
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -21,12 +22,12 @@ from tests.support.own_place import own_scenes
 from tests.support.scenes import small_scenes
 from tests.support.trainings import (
     Trainer,
-    ctrl_c_after,
     cut_short,
     disk_full_from,
     files,
     full_disk,
     killed,
+    told_to_end_after,
     trainer_of,
 )
 
@@ -83,13 +84,15 @@ def test_run_killed_three_times_ends_like_an_unbroken_one(trainer: Trainer, name
 
 
 @WITH_SCHEDULES
-def test_run_interrupted_by_ctrl_c_ends_like_an_unbroken_one(
-    trainer: Trainer, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+@pytest.mark.parametrize(("number", "status"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+def test_run_told_to_end_by_a_signal_ends_like_an_unbroken_one(
+    trainer: Trainer, number: signal.Signals, status: int, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     wanted = trainer.train(tmp_path / "unbroken")
     broken = replace(trainer.settings, run=tmp_path / "broken")
-    with ctrl_c_after(epoch=4):
-        assert trainer.main(broken) == 130
+    with told_to_end_after(4, number):
+        assert trainer.main(broken) == status
+    assert signal.getsignal(signal.SIGTERM) is signal.SIG_DFL
     assert f"--resume goes on from {broken.run}" in capsys.readouterr().err
     assert torch.load(broken.run / CHECKPOINT)["epoch"] == 5, "the epoch under way is finished first"
     assert trainer.main(replace(broken, resume=True)) == 0
@@ -131,7 +134,7 @@ def test_run_over_two_places_interrupted_by_ctrl_c_ends_like_an_unbroken_one(
     """One of them on a map of one's own; PPO's worlds and GAIL's are 4 and 8, in two shares."""
     wanted = of_two_places.train(tmp_path / "unbroken")
     broken = replace(of_two_places.settings, run=tmp_path / "broken")
-    with ctrl_c_after(epoch=4):
+    with told_to_end_after(epoch=4):
         assert of_two_places.main(broken) == 130
     assert of_two_places.main(replace(broken, resume=True)) == 0
     assert of_two_places.outcome(broken.run) == wanted

@@ -2,16 +2,24 @@
 
 from __future__ import annotations
 
+import os
+import signal
 import sys
+import threading
+import time
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
+import torch
 
 from agents.ppo import main
+from agents.training.folder import CHECKPOINT, METRICS, last_row
 from tests.support.trainings import TINY_SHARED as TINY
 from tests.support.trainings import outcome, train_alone
+
+PATIENCE = 60.0  # [s]
 
 
 @pytest.mark.ray
@@ -31,6 +39,27 @@ def test_seeds_side_by_side_do_what_each_does_alone_and_one_may_fail(
         assert (tmp_path / "runs" / f"seed_{seed}" / "ppo.policy").exists()
         train_alone(replace(TINY, run=tmp_path / f"alone_{seed}", seed=seed))
         assert outcome(tmp_path / "runs" / f"seed_{seed}") == outcome(tmp_path / f"alone_{seed}")
+
+
+@pytest.mark.ray
+@pytest.mark.usefixtures("ray_with_two_cores")
+def test_sigterm_ends_all_seeds_at_a_whole_epoch(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    runs = [tmp_path / f"seed_{seed}" for seed in (1, 2)]
+
+    def tell() -> None:
+        end = time.monotonic() + PATIENCE
+        while not all((run / METRICS).exists() for run in runs) and time.monotonic() < end:
+            time.sleep(0.1)
+        os.kill(os.getpid(), signal.SIGTERM)
+
+    thread = threading.Thread(target=tell)
+    thread.start()
+    assert main(replace(TINY, run=tmp_path, seeds=(1, 2), epochs=100_000)) == 143
+    thread.join()
+    printed = capsys.readouterr()
+    for run in runs:
+        assert f"--resume goes on from {run}" in printed.err
+        assert torch.load(run / CHECKPOINT)["epoch"] == last_row(run / METRICS)["epoch"]
 
 
 @pytest.mark.parametrize(

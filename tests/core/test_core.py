@@ -8,14 +8,23 @@ from typing import Literal
 import numpy as np
 import pytest
 
-from intersection_env import Predictor, Traffic, _core
+from intersection_env import Intersection, Predictor, Traffic, _core
 from intersection_env.features import Driving
 from intersection_env.policies.file import PolicyFile
 from tests.conftest import MAP_NAMES
 from tests.reference import predictor as reference
 from tests.reference.collisions import collide
 from tests.support.core_and_twin import core_predictor, replayed, weights
-from tests.support.twins import CASES, random_assignment, random_case, random_networks, twin_map
+from tests.support.random_traffic import random_traffic
+from tests.support.twins import (
+    CASES,
+    as_traffic,
+    random_assignment,
+    random_case,
+    random_networks,
+    rounded,
+    twin_map,
+)
 
 SEEDS = range(12 * CASES)
 
@@ -39,6 +48,18 @@ def test_core_equals_twin_with_networks(name: str, seed: int) -> None:
     policy = PolicyFile("network", "network", weights(gap), weights(driving))
     how = {"gap": "network", "driver": "network", "gap_network": gap, "driver_network": driving}
     replayed(traffic, twin, core_predictor(traffic, policy), assignment, **how)
+
+
+@pytest.mark.parametrize("name", MAP_NAMES)
+@pytest.mark.parametrize("seed", SEEDS)
+def test_core_equals_twin_where_vehicles_wait_past_their_lines(name: str, seed: int) -> None:
+    generator = np.random.default_rng(30_000 + seed)
+    twin = rounded(random_traffic(twin_map(name), generator, 6, past_line=0.5))
+    traffic = as_traffic(Intersection.load(name), twin)
+    gap, driving = random_networks(generator)
+    policy = PolicyFile("network", "network", weights(gap), weights(driving))
+    how = {"gap": "network", "driver": "network", "gap_network": gap, "driver_network": driving}
+    replayed(traffic, twin, core_predictor(traffic, policy), random_assignment(traffic, generator), **how)
 
 
 @pytest.mark.parametrize("name", MAP_NAMES)

@@ -17,13 +17,14 @@ from intersection_env.policies.named import DEFAULT
 from tests.support.random_traffic import random_traffic
 from tests.support.twins import as_traffic, random_assignment, rounded, twin_map
 
+PAST_LINE = 0.25  # the share of vehicles that stand or creep past their line
 MAPS = ("bendplatz", "t_junction", "crossroads")
 
 
 def look_at_random(predictor: Predictor, seed: int, findings: Findings) -> None:
     """Predicts one random traffic with one random order, and notes what is wrong; the maps take turns."""
     generator, name = np.random.default_rng(seed), MAPS[seed % len(MAPS)]
-    twin = rounded(random_traffic(twin_map(name), generator, int(generator.integers(2, 13))))
+    twin = rounded(random_traffic(twin_map(name), generator, int(generator.integers(2, 13)), PAST_LINE))
     traffic = as_traffic(Intersection.load(name), twin)
     assignment = random_assignment(traffic, generator)
     look_at(traffic, assignment[0], predictor.predict(traffic, assignment), f"{name}, seed {seed}", findings)

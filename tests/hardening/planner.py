@@ -22,6 +22,7 @@ from tests.support.twins import random_case
 
 TRAFFIC = ROOT / "examples" / "planner" / "traffic.txt"
 NUMBERS = ["total_time_loss", "worst_time_loss", "gain", "minimum_distance"]
+FLAGS = ["followed", "safe", "worth_executing"]
 TOLERANCE = 1e-3  # [s], [m]
 RANDOM = 6  # random traffics a map
 
@@ -56,10 +57,10 @@ def printed(command: Sequence[str], prefix: Path, path: Path, name: str = "bendp
         raise AssertionError(f"exit status {done.returncode}: {done.stdout[-2000:]}{done.stderr[-8000:]}")
     lines = done.stdout.splitlines()
     last = next(k for k, line in enumerate(lines) if "orders left out" in line)
-    rows = [line.split(maxsplit=6) for line in lines[1:last]]
-    table = pd.DataFrame(rows, columns=[*NUMBERS, "safe", "worth_executing", "order"])
+    rows = [line.split(maxsplit=7) for line in lines[1:last]]
+    table = pd.DataFrame(rows, columns=[*NUMBERS, *FLAGS, "order"])
     table[NUMBERS] = table[NUMBERS].astype(float)
-    for flag in ("safe", "worth_executing"):
+    for flag in FLAGS:
         table[flag] = table[flag] == "yes"
     assert lines[last].startswith(f"{len(table)} maneuvers, ")
     table.attrs["left_out"] = int(lines[last].split()[2])
@@ -73,7 +74,7 @@ def assert_same(cpp: pd.DataFrame, python: pd.DataFrame) -> None:
     np.testing.assert_allclose(cpp.total_time_loss, python.total_time_loss, atol=TOLERANCE)
     by_order = python.set_index("order").loc[cpp.order]
     np.testing.assert_allclose(cpp[NUMBERS], by_order[NUMBERS], atol=TOLERANCE)
-    for flag in ("safe", "worth_executing"):
+    for flag in FLAGS:
         assert (cpp[flag].to_numpy() == by_order[flag].to_numpy()).all()
 
 

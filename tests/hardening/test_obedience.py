@@ -20,11 +20,12 @@ def findings(predictor: Predictor, seeds: range) -> Findings:
     return found
 
 
-@pytest.mark.parametrize("name", ["ppo", "gail", "idm_calibrated"])
+@pytest.mark.parametrize("name", ["ppo", "gail", "gap", "idm_calibrated"])
 def test_a_shipped_driver_obeys(name: str) -> None:
     found = findings(Predictor.load(name), range(300 * CASES))
     assert not found.wrong
     assert found.held_steps > 10_000
+    assert found.held_past_line > 100
     assert found.assigned_pairs > 300
     assert found.free_first > 50
     assert found.followers > 300
@@ -40,6 +41,7 @@ def test_a_network_that_never_learned_anything_obeys(seed: int) -> None:
 
 def test_a_driver_without_limits_would_be_found() -> None:
     """Constant velocity runs lines, whatever it is told."""
-    found = findings(Predictor.load("constant_velocity"), range(40))
+    found = findings(Predictor.load("constant_velocity"), range(200))
     assert any("runs its line" in line for line in found.wrong)
     assert any("before" in line for line in found.wrong)
+    assert any("past its line" in line for line in found.wrong)

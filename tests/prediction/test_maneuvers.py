@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from intersection_env import Predictor, Traffic, crossing_orders, rank_maneuvers
+from intersection_env import Prediction, Predictor, Traffic, Vehicle, _core, crossing_orders, rank_maneuvers
 from intersection_env.prediction.measures import crossing_order
 from tests.conftest import MAP_NAMES
 from tests.reference import predictor as reference
-from tests.support.busy_traffic import busy
+from tests.reference.outputs import followed
+from tests.support.busy_traffic import T, busy
 from tests.support.twins import CASES, random_case, twin_map
 
 
@@ -32,12 +33,24 @@ def in_words(traffic: Traffic, priorities: NDArray[np.int8], twin: reference.Tra
     return ", ".join(sequence) or "nobody waits"
 
 
+def orders_followed(
+    traffic: Traffic, twin: reference.Traffic, orders: NDArray[np.int8], prediction: Prediction
+) -> NDArray[np.bool_]:
+    """(order,), by the twin, of the core's trajectories."""
+    completed = _core.complete(traffic.intersection.core, traffic.core, orders)
+    map_ = twin_map(traffic.intersection.name)
+    position = prediction.position.astype(np.float64)
+    return followed(
+        map_, twin, traffic.conflicts.astype(np.int64), completed.astype(np.int64), position, prediction.present
+    )
+
+
 @pytest.mark.parametrize("name", MAP_NAMES)
 def test_ranking_is_that_of_all_orders_predicted_and_sorted(name: str) -> None:
-    ranked = 0
+    ranked = unfollowed = 0
     for seed in range(30 * CASES):
         traffic, twin = random_case(name, 80_000 + seed)
-        predictor = Predictor.load("gap" if seed % 2 else "idm")
+        predictor = Predictor.load(("idm", "gap", "constant_velocity")[seed % 3])
         default = predictor.predict(traffic)
         realized = crossing_order(traffic, default)[0]
         orders = np.concatenate([np.zeros_like(realized)[None], *crossing_orders(traffic, preferred=realized)])
@@ -45,13 +58,16 @@ def test_ranking_is_that_of_all_orders_predicted_and_sorted(name: str) -> None:
             continue
         ranked += 1
         # batched as the core does it: a sanitized build rounds a batch and a single scenario differently
-        summary = predictor.predict(traffic, orders[1:], trajectories=False)
+        summary = predictor.predict(traffic, orders[1:])
         time_loss = np.concatenate([default.time_loss, summary.time_loss])
         distance = np.concatenate([default.minimum_distance, summary.minimum_distance])
-        total, safe = time_loss.astype(np.float64).sum(axis=1), distance >= 0.5
-        rows = sorted(range(len(orders)), key=lambda k: (not safe[k], total[k]))
+        followed = np.concatenate([[True], orders_followed(traffic, twin, orders[1:], summary)])
+        total, safe = time_loss.astype(np.float64).sum(axis=1), followed & (distance >= 0.5)
+        rows = sorted(range(len(orders)), key=lambda k: (not safe[k], not followed[k], total[k]))
+        unfollowed += int((~followed).sum())
         table = rank_maneuvers(predictor, traffic)
         np.testing.assert_allclose(table.total_time_loss, total[rows], rtol=1e-12)
+        np.testing.assert_array_equal(table.followed, followed[rows])
         np.testing.assert_array_equal(table.safe, safe[rows])
         np.testing.assert_array_equal(table.minimum_distance, distance[rows])
         np.testing.assert_array_equal(np.stack(table.priorities.tolist()), orders[rows])
@@ -61,6 +77,7 @@ def test_ranking_is_that_of_all_orders_predicted_and_sorted(name: str) -> None:
         words = [in_words(traffic, orders[k], twin) if k else "no intervention" for k in rows]
         assert table.order.tolist() == words
     assert ranked > 12 * CASES
+    assert unfollowed > 20 * CASES
 
 
 def test_a_limit_keeps_the_orders_nearest_to_no_intervention() -> None:
@@ -88,6 +105,46 @@ def test_crossing_order_is_that_of_the_first_fronts_in_each_conflict() -> None:
             assert way == (1 if steps[0] < steps[1] else -1 if steps[1] < 51 else 0)
             seen.add(int(way))
     assert seen == {-1, 0, 1}
+
+
+def test_an_order_that_its_own_prediction_does_not_follow_is_neither_safe_nor_worth_executing() -> None:
+    """At constant velocity the side road is through long before the main road comes, whatever is ordered."""
+    vehicles = [Vehicle("side", "S-W", 85.0, 8.0), Vehicle("main", "W-E", 20.0, 5.0)]
+    table = rank_maneuvers(Predictor.load("constant_velocity"), Traffic.of(T, vehicles))
+    assert table.order.tolist() == ["no intervention", "side, main", "main, side"]
+    assert (table.minimum_distance > 0.5).all()
+    assert table.followed.tolist() == table.safe.tolist() == [True, True, False]
+    assert not table.worth_executing.any()
+
+
+@pytest.mark.parametrize("beyond", [-0.01, 0.12])
+def test_who_stops_within_a_tenth_of_a_metre_follows(beyond: float) -> None:
+    """Who creeps 1 cm before its conflict, and is to be second, cannot help coming a little into it."""
+    route = T.routes[T.route_index("E-S")]
+    creeps = Vehicle("creeps", "E-S", route.first_conflict + beyond - 2.25, 0.9)
+    table = rank_maneuvers(Predictor.load("idm"), Traffic.of(T, [creeps, Vehicle("main", "W-E", 80.0, 12.0)]))
+    assert table.followed.all()
+    assert ("main, creeps" in table.order.tolist()) == (beyond < 0.0), "within its conflict nobody is put second"
+
+
+def test_orders_of_a_driver_that_obeys_nobody_sort_behind() -> None:
+    table = rank_maneuvers(Predictor.load("constant_velocity"), busy(), limit=200)
+    assert 0 < table.followed.sum() < len(table)
+    assert not (table.safe & ~table.followed).any()
+    assert not (table.worth_executing & ~table.followed).any()
+    assert table.followed.is_monotonic_decreasing
+    assert table[~table.intervention].followed.all()
+
+
+@pytest.mark.parametrize("policy", ["gail", "ppo", "gap", "idm_calibrated"])
+def test_orders_of_a_shipped_driver_are_followed(policy: str) -> None:
+    orders = 0
+    for seed in range(20):
+        traffic, _ = random_case("bendplatz", 82_000 + seed)
+        table = rank_maneuvers(Predictor.load(policy), traffic, limit=100)
+        assert table.followed.all(), seed
+        orders += len(table)
+    assert orders > 200
 
 
 def test_ranking_puts_the_best_safe_order_first_and_counts_what_it_left_out() -> None:

@@ -36,9 +36,12 @@ PAPER_IDM = Idm()
 
 def idm(speed: float, free_speed: float, gap: float, lead_speed: float, p: Idm = PAPER_IDM) -> float:
     """The acceleration [m/s²] behind one lead, not yet limited."""
+    road = p.acceleration * (1 - (speed / free_speed) ** 4)
+    reach = (free_speed - speed) / TIME_STEP
+    road = min(road, reach) if speed <= free_speed else max(road, reach)
     approach = speed * (speed - lead_speed) / (2 * math.sqrt(p.acceleration * p.deceleration))
     desired = p.standstill_gap + max(0.0, speed * p.headway + approach)
-    return p.acceleration * (1 - (speed / free_speed) ** 4 - (desired / max(gap, 0.1)) ** 2)
+    return road - p.acceleration * (desired / max(gap, 0.1)) ** 2
 
 
 def free_speeds(intersection: Map, route: int, p: Idm) -> Floats:
@@ -67,13 +70,13 @@ def free_speed(intersection: Map, traffic: Traffic, i: int, p: Idm) -> float:
 
 
 def limited(features: Floats, wanted: float) -> float:
-    """What a network may do: stay able to stop behind its lead, and before a line that it must not cross."""
+    """What a network may do: stay able to stop behind its lead, and not cross a line where it must wait."""
     to_line, speed = float(features[Feature.D_STOP]), float(features[Feature.SPEED])
     lead_gap, lead_speed = float(features[Feature.D_LEAD]), float(features[Feature.V_LEAD])
     lead_next = max(0.0, lead_speed - TIME_STEP * NETWORK_ACCELERATION)
     lead_stops = TIME_STEP * (lead_speed + lead_next) / 2 + lead_next**2 / (2 * NETWORK_ACCELERATION)
     bounds = [(lead_gap + lead_stops - 0.5, NETWORK_ACCELERATION)]
-    if features[Feature.DELTA] == 0 and to_line >= max(speed, 0.0) ** 2 / (2 * BRAKING) - 0.05:
+    if features[Feature.DELTA] == 0:
         bounds.append((to_line - 0.02, BRAKING))
     allowed = wanted
     for distance, b in bounds:
@@ -88,14 +91,21 @@ def limited(features: Floats, wanted: float) -> float:
 # Every driver
 
 
-def drive(features: Floats, driver: Driver, network: Network | None, free: float, p: Idm = PAPER_IDM) -> float:
-    """The acceleration [m/s²] of one vehicle; features: (12,); free: the IDM's speed with nobody ahead [m/s]."""
+def drive(
+    features: Floats, driver: Driver, network: Network | None, free: float, top: float, p: Idm = PAPER_IDM
+) -> float:
+    """The acceleration [m/s²] of one vehicle; features: (12,).
+
+    free: the IDM's speed with nobody ahead [m/s]; top: the vehicle's own top speed [m/s].
+    """
+    speed = float(features[Feature.SPEED])
     if driver == "constant_velocity":
         return 0.0
     if driver == "network":
         assert network is not None, "driver='network' needs driver_network"
-        return limited(features, NETWORK_ACCELERATION * math.tanh(evaluate(network, features, "tanh")))
-    to_line, speed = float(features[Feature.D_STOP]), float(features[Feature.SPEED])
+        wanted = NETWORK_ACCELERATION * math.tanh(evaluate(network, features, "tanh"))
+        return limited(features, min(wanted, (max(speed, top) - speed) / TIME_STEP))
+    to_line = float(features[Feature.D_STOP])
     gap, lead_speed = float(features[Feature.D_LEAD]), float(features[Feature.V_LEAD])
     acceleration = idm(speed, free, gap, lead_speed, p)
     if features[Feature.DELTA] == 0:

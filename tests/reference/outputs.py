@@ -1,4 +1,4 @@
-"""Outputs: time loss, and how near to each other two bodies are where they can touch."""
+"""Outputs: time loss, how near to each other two bodies are where they can touch, whether an order is followed."""
 
 import itertools
 import math
@@ -6,7 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from tests.reference.intersection import Booleans, Floats, Map, Sample, sample
+from tests.reference.intersection import Booleans, Floats, Integers, Map, Sample, sample
+from tests.reference.pairs import conflict_of
 from tests.reference.traffic import TIME_STEP, Traffic, front, rear, speed_limit
 
 
@@ -60,3 +61,26 @@ def minimum_distance(intersection: Map, traffic: Traffic, present: Booleans) -> 
         ),
         default=math.inf,
     )
+
+
+def followed(
+    intersection: Map, traffic: Traffic, pairs: Integers, assignments: Integers, position: Floats, present: Booleans
+) -> Booleans:
+    """(scenario,): in the states (scenario, time, vehicle) nobody enters before the one that is assigned to go first.
+
+    traffic: whose routes and lengths count; pairs: (pair, 2); assignments: (scenario, pair), completed.
+    """
+    result = np.ones(len(assignments), np.bool_)
+    front, behind = position + traffic.length / 2, position - traffic.length / 2
+    for number, (i, j) in enumerate(pairs.tolist()):
+        conflict = conflict_of(intersection, traffic, i, j)
+        assert conflict is not None
+        there = present[..., i] & present[..., j]
+        for way, second, first, begin, end, first_end in (
+            (-1, i, j, conflict.begin_yielder, conflict.end_yielder, conflict.end_prioritized),
+            (1, j, i, conflict.begin_prioritized, conflict.end_prioritized, conflict.end_yielder),
+        ):
+            entry = max(begin, intersection.routes[traffic.route[second]].stop_line) + 0.1
+            active = there & (behind[..., second] < end) & (position[..., first] < first_end)
+            result &= ~((assignments[:, number] == way) & (active & (front[..., second] > entry)).any(axis=-1))
+    return result

@@ -84,4 +84,5 @@ def _wanted(
 ) -> Floats:
     """(vehicle,) [m/s²]: what each does at what it sees (vehicle, 12)."""
     free = [free_speed(intersection, traffic, i, p) if driver == "idm" else 0.0 for i in range(len(driving))]
-    return np.array([drive(features, driver, network, v, p) for features, v in zip(driving, free, strict=True)])
+    rows = zip(driving, free, traffic.max_speed.tolist(), strict=True)
+    return np.array([drive(features, driver, network, v, top, p) for features, v, top in rows])

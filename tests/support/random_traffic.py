@@ -13,10 +13,11 @@ from tests.reference.traffic import FIELDS, Traffic
 BICYCLE_SPEED = 5.0  # m/s
 
 
-def random_traffic(intersection: Map, generator: np.random.Generator, vehicles: int) -> Traffic:
+def random_traffic(intersection: Map, generator: np.random.Generator, vehicles: int, past_line: float = 0.0) -> Traffic:
     """Plausible traffic: mostly near the junction, no bodies closer than 0.3 m, no gaps in a lane below 1 m.
 
-    Every value is exact in float32, so that twin and core start from the same traffic.
+    Every value is exact in float32, so that twin and core start from the same traffic. past_line: the share of vehicles
+    that stand or creep past their line, before their first conflict.
     """
     sizes = ((4.5, 1.8, math.inf), (4.1, 1.75, math.inf), (12.0, 2.5, math.inf), (1.8, 0.6, BICYCLE_SPEED))
     traffic = Traffic(np.zeros(0, np.int64), *(np.zeros(0) for _ in range(5)))
@@ -30,6 +31,9 @@ def random_traffic(intersection: Map, generator: np.random.Generator, vehicles: 
         position = float(np.float32(generator.uniform(*near[generator.choice(3, p=(0.7, 0.2, 0.1))])))
         limit = min(float(sample(intersection, route, position)[Sample.V_MAX]), max_speed)
         speed = 0.0 if generator.random() < 0.15 else float(generator.uniform(0, 1.1)) * limit
+        if past_line and generator.random() < past_line and road.first_conflict > road.stop_line:
+            front = float(generator.uniform(road.stop_line, road.first_conflict))
+            position, speed = float(np.float32(front - length / 2)), float(generator.choice((0.0, generator.random())))
         fields = (route, position, *(float(np.float32(x)) for x in (speed, length, width, max_speed)))
         tried = replace(
             traffic, **{n: np.append(getattr(traffic, n), np.asarray(x)) for n, x in zip(FIELDS, fields, strict=True)}

@@ -164,17 +164,17 @@ def killed(main: Callable[[Any], int], settings: Any, kills: int = 3) -> None:
 
 
 @contextmanager
-def ctrl_c_after(epoch: int) -> Iterator[None]:
-    """Within it, Ctrl-C is pressed when the metrics of this epoch have been written."""
+def told_to_end_after(epoch: int, number: signal.Signals = signal.SIGINT) -> Iterator[None]:
+    """Within it, a signal (Ctrl-C) comes when the metrics of this epoch have been written."""
     through = RunFolder.append
 
-    def press(self: RunFolder, row: Mapping[str, Any]) -> None:
+    def tell(self: RunFolder, row: Mapping[str, Any]) -> None:
         through(self, row)
         if row["epoch"] == epoch:
-            signal.raise_signal(signal.SIGINT)
+            signal.raise_signal(number)
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(RunFolder, "append", press)
+        patch.setattr(RunFolder, "append", tell)
         yield
 
 

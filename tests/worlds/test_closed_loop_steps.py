@@ -59,7 +59,7 @@ def test_twin_driven_by_idm_goes_as_the_twin_predicts(name: str) -> None:
 def idm_action(observation: NDArray[Any]) -> NDArray[np.float64]:
     """(vehicle,): what IDM does at an observation (vehicle, 12), never into reverse, as a share of 6 m/s²."""
     wanted = [
-        reference.drive(features.astype(np.float64), "idm", None, float(features[Driving.V_MAX]))
+        reference.drive(features.astype(np.float64), "idm", None, float(features[Driving.V_MAX]), np.inf)
         for features in observation
     ]
     return np.maximum(wanted, -observation[:, Driving.SPEED] / reference.TIME_STEP) / reference.NETWORK_ACCELERATION

@@ -101,20 +101,34 @@ Ints row_of(std::uint64_t vehicles, int row) {
     return (all_ints(lanes) & (all_ints(1) << lane_numbers())) != 0;
 }
 
-// The pairs from `first` on, a row of them.
+// A row of pairs.
+struct PairRow {
+    Ints i, j, assignment, active;
+    Floats end_i, end_j, half_i, half_j, position_i, position_j, rear_i, rear_j;
+};
+
+// The pairs from `first` on.
+PairRow pairs_at(const LaneProblem& p, const std::int32_t* assignments, long first, const OneScenario& run) {
+    PairRow row;
+    row.i = lanes_at(p.yielder + first), row.j = lanes_at(p.prioritized + first);
+    row.assignment = lanes_at(assignments + first);
+    row.end_i = lanes_at(p.yielder_end + first), row.end_j = lanes_at(p.prioritized_end + first);
+    row.half_i = lanes_at(p.yielder_half_length + first), row.half_j = lanes_at(p.prioritized_half_length + first);
+    row.position_i = pick(run.position, run.count, row.i), row.position_j = pick(run.position, run.count, row.j);
+    row.rear_i = row.position_i - row.half_i, row.rear_j = row.position_j - row.half_j;
+    row.active = (row.position_i < FAR) & (row.position_j < FAR) &
+                 (row.assignment > 0 ? (row.rear_j < row.end_j) & (row.position_i < row.end_i)
+                                     : (row.rear_i < row.end_i) & (row.position_j < row.end_j));
+    return row;
+}
+
+// A row of pairs, from `first` on.
 void decide_pairs(const Problem& problem, const std::int32_t* assignments, long first, OneScenario& run) {
     const LaneProblem& p = problem.lanes;
-    const Ints i = lanes_at(p.yielder + first), j = lanes_at(p.prioritized + first);
-    const Ints assignment = lanes_at(assignments + first), swapped = assignment > 0;
-    const Floats end_i = lanes_at(p.yielder_end + first), end_j = lanes_at(p.prioritized_end + first);
-    const Floats half_i = lanes_at(p.yielder_half_length + first);
-    const Floats half_j = lanes_at(p.prioritized_half_length + first);
-    const Floats position_i = pick(run.position, run.count, i), position_j = pick(run.position, run.count, j);
-    const Floats rear_i = position_i - half_i, rear_j = position_j - half_j;
-    const Ints active = (position_i < FAR) & (position_j < FAR) &
-                        (swapped ? (rear_j < end_j) & (position_i < end_i) : (rear_i < end_i) & (position_j < end_j));
+    const auto [i, j, assignment, active, end_i, end_j, half_i, half_j, position_i, position_j, rear_i, rear_j] =
+        pairs_at(p, assignments, first, run);
     const Ints open = active & (assignment == 0) & (pick(run.hold, run.count, j) <= lanes_at(p.yielder_route + first));
-    const Ints to_i = active & (assignment < 0), to_j = active & swapped;
+    const Ints to_i = active & (assignment < 0), to_j = active & (assignment > 0);
     const Ints asked = open & ~pick(run.decided, run.count, i);
     std::uint64_t refused = 0;
     if (any(asked)) {
@@ -179,6 +193,18 @@ float smallest_distance(const Problem& problem, OneScenario& run, float so_far) 
     return so_far;
 }
 
+// Whether somebody enters a conflict before the one that was assigned to go first has cleared it.
+bool disobeyed(const Problem& problem, const std::int32_t* assignments, const OneScenario& run) {
+    const LaneProblem& p = problem.lanes;
+    Ints found{};
+    for (long first = 0; first < problem.pair_count; first += WIDTH) {
+        const PairRow row = pairs_at(p, assignments, first, run);
+        found |= disobeys(row.active, row.assignment, row.position_i + row.half_i - lanes_at(p.yielder_entry + first),
+                          row.position_j + row.half_j - lanes_at(p.prioritized_entry + first));
+    }
+    return any(found);
+}
+
 template <class Value, class Lanes>
 void store(Value* out, long row, int count, Lanes values) {
     const int used = count - static_cast<int>(row) * WIDTH;
@@ -200,7 +226,7 @@ void store_state(const Trajectories& t, int count, int step, const OneScenario& 
 void move(const Problem& problem, float inverse_root, const Trajectories& t, int step, int r, OneScenario& run) {
     VehicleRow& row = run.rows[r];
     const int count = problem.vehicle_count;
-    const Floats acceleration = drive(problem, inverse_root, row);
+    const Floats acceleration = drive(problem, inverse_root, row.max_speed, row);
     row.time_loss += row.present ? DT * (1.0F - row.speed / row.v_max()) : all(0.0F);
     const Floats applied = advance(acceleration, 0.0F, row.present, row);
     row.present &= row.position < row.route_length;
@@ -232,6 +258,7 @@ void predict_one_scenario(const Problem& problem, const ScenarioArguments& argum
             arguments.assignments != nullptr && k < problem.pair_count ? arguments.assignments[p.pair[k]] : 0;
     }
     float distance = NO_DISTANCE;
+    bool wrong = false;
     start(p, run);
     for (int step = 0; step < STEPS; ++step) {
         publish(run);
@@ -252,6 +279,9 @@ void predict_one_scenario(const Problem& problem, const ScenarioArguments& argum
         if (arguments.minimum_distance != nullptr) {
             distance = smallest_distance(problem, run, distance);
         }
+        if (arguments.followed != nullptr) {
+            wrong |= disobeyed(problem, assignments, run);
+        }
         if (t.position != nullptr) {
             store_state(t, count, step, run);
         }
@@ -265,9 +295,14 @@ void predict_one_scenario(const Problem& problem, const ScenarioArguments& argum
     for (int r = 0; r < run.count; ++r) {
         store(arguments.time_loss, r, count, run.rows[r].time_loss);
     }
-    if (arguments.minimum_distance != nullptr) {
+    if (arguments.minimum_distance != nullptr || arguments.followed != nullptr) {
         publish(run);
+    }
+    if (arguments.minimum_distance != nullptr) {
         *arguments.minimum_distance = smallest_distance(problem, run, distance);
+    }
+    if (arguments.followed != nullptr) {
+        *arguments.followed = !(wrong | disobeyed(problem, assignments, run));
     }
 }
 

@@ -66,15 +66,20 @@ Encounter encounter(const ProblemPair& pair, const ScenarioBlock& block) {
                      all(pair.prioritized_end), all_ints(pair.merging ? -1 : 0));
 }
 
+// Mask: both are there, and the second must still let the first pass.
+Ints active(const ProblemPair& pair, Ints assignment, const ScenarioBlock& block) {
+    const PredictedVehicle &i = block.vehicles[pair.yielder], &j = block.vehicles[pair.prioritized];
+    const Ints second_is_yielder = (i.rear < pair.yielder_end) & (j.position < pair.prioritized_end);
+    const Ints second_is_prioritized = (j.rear < pair.prioritized_end) & (i.position < pair.yielder_end);
+    return i.present & j.present & (assignment > 0 ? second_is_prioritized : second_is_yielder);
+}
+
 // Assigned priorities first, then the rule or the gap network.
 void decide_pair(const Problem& problem, const ProblemPair& pair, Ints assignment, ScenarioBlock& block) {
     PredictedVehicle &i = block.vehicles[pair.yielder], &j = block.vehicles[pair.prioritized];
-    const Ints swapped = assignment > 0;
-    const Ints second_is_yielder = (i.rear < pair.yielder_end) & (j.position < pair.prioritized_end);
-    const Ints second_is_prioritized = (j.rear < pair.prioritized_end) & (i.position < pair.yielder_end);
-    const Ints active = i.present & j.present & (swapped ? second_is_prioritized : second_is_yielder);
-    const Ints assigned_to_i = active & (assignment < 0), assigned_to_j = active & swapped;
-    const Ints unassigned = active & (assignment == 0),
+    const Ints open_pair = active(pair, assignment, block);
+    const Ints assigned_to_i = open_pair & (assignment < 0), assigned_to_j = open_pair & (assignment > 0);
+    const Ints unassigned = open_pair & (assignment == 0),
                open = unassigned & (j.hold <= problem.vehicles[pair.yielder].route);
     i.refused |= assigned_to_i;
     const Ints asked = open & ~i.refused & ~settled(i); // elsewhere the answer changes nothing
@@ -123,6 +128,19 @@ Floats smallest_distance(const Problem& problem, const ScenarioBlock& block, Flo
     return so_far;
 }
 
+// Mask: somebody enters a conflict before the one that was assigned to go first has cleared it.
+Ints disobeyed(const Problem& problem, const ScenarioBlock& block) {
+    Ints found{};
+    for (int p = 0; p < problem.pair_count; ++p) {
+        const ProblemPair& pair = problem.pairs[p];
+        const Ints assignment = block.assignments[p];
+        found |= disobeys(active(pair, assignment, block), assignment,
+                          block.vehicles[pair.yielder].front - pair.yielder_entry,
+                          block.vehicles[pair.prioritized].front - pair.prioritized_entry);
+    }
+    return found;
+}
+
 // Moves the vehicle by one step; returns the acceleration that came of it.
 Floats advance(const ProblemVehicle& known, Floats acceleration, PredictedVehicle& vehicle) {
     vehicle.time_loss += vehicle.present ? DT * (1.0F - vehicle.speed / vehicle.v_max()) : all(0.0F);
@@ -168,6 +186,7 @@ void predict_scenario_block(const Problem& problem, const ScenarioArguments& arg
     const IdmParameters& p = problem.idm;
     const float inverse_root = 0.5F / __builtin_sqrtf(p.acceleration * p.deceleration);
     Floats distance = all(NO_DISTANCE);
+    Ints wrong{};
     start(problem, arguments, block);
     for (int step = 0; step < STEPS; ++step) {
         observe_and_decide(problem, problem.driver == Driver::network, block);
@@ -177,12 +196,16 @@ void predict_scenario_block(const Problem& problem, const ScenarioArguments& arg
         if (arguments.minimum_distance != nullptr) {
             distance = smallest_distance(problem, block, distance);
         }
+        if (arguments.followed != nullptr) {
+            wrong |= disobeyed(problem, block);
+        }
         for (int i = 0; i < count; ++i) {
             PredictedVehicle& vehicle = block.vehicles[i];
             if (wants_trajectories) {
                 store_state(arguments, count, step, i, vehicle);
             }
-            const Floats wanted = any(vehicle.present) ? drive(problem, inverse_root, vehicle) : all(0.0F);
+            const Floats top_speed = all(problem.vehicles[i].max_speed);
+            const Floats wanted = any(vehicle.present) ? drive(problem, inverse_root, top_speed, vehicle) : all(0.0F);
             const Floats applied = advance(problem.vehicles[i], wanted, vehicle);
             if (wants_trajectories) {
                 store_action(arguments, count, step, i, vehicle, applied);
@@ -205,6 +228,12 @@ void predict_scenario_block(const Problem& problem, const ScenarioArguments& arg
         distance = smallest_distance(problem, block, distance);
         for (int l = 0; l < arguments.scenarios; ++l) {
             arguments.minimum_distance[l] = distance[l];
+        }
+    }
+    if (arguments.followed != nullptr) {
+        wrong |= disobeyed(problem, block);
+        for (int l = 0; l < arguments.scenarios; ++l) {
+            arguments.followed[l] = wrong[l] == 0;
         }
     }
 }

@@ -5,6 +5,7 @@
 #include <limits>
 #include <numeric>
 #include <stdexcept>
+#include <tuple>
 
 #include "intersection_env/orders.hpp"
 #include "model/contact.hpp"
@@ -27,8 +28,9 @@ class Ranked {
         completed_.assign(orders.begin(), orders.end());
         time_loss_.resize(count * at(traffic_.count()));
         distance_.resize(count);
+        followed_.resize(count);
         predictor_.predict(traffic_, completed_, static_cast<int>(count), {},
-                           {trajectories, time_loss_.data(), distance_.data()}, kernel_);
+                           {trajectories, time_loss_.data(), distance_.data(), followed_.data()}, kernel_);
         ranking_.priorities.insert(ranking_.priorities.end(), orders.begin(), orders.end());
         for (std::size_t s = 0; s < count; ++s) {
             ranking_.maneuvers.push_back(maneuver(s));
@@ -37,7 +39,8 @@ class Ranked {
 
   private:
     Maneuver maneuver(std::size_t s) const {
-        Maneuver result{0.0, 0.0, 0.0, distance_[s], distance_[s] >= COLLISION_DISTANCE, false, true};
+        const bool followed = followed_[s] != 0, safe = followed && distance_[s] >= COLLISION_DISTANCE;
+        Maneuver result{0.0, 0.0, 0.0, distance_[s], followed, safe, false, true};
         for (std::size_t i = 0; i < at(traffic_.count()); ++i) {
             const double lost = time_loss_[s * at(traffic_.count()) + i];
             result.total_time_loss += lost;
@@ -56,6 +59,7 @@ class Ranked {
     Ranking& ranking_;
     std::vector<std::int8_t> completed_;
     std::vector<float> time_loss_, distance_;
+    std::vector<std::uint8_t> followed_;
 };
 
 void sort(Ranking& ranking) {
@@ -63,9 +67,10 @@ void sort(Ranking& ranking) {
     const std::vector<std::int8_t> priorities = std::move(ranking.priorities);
     std::vector<std::size_t> rows(found.size());
     std::iota(rows.begin(), rows.end(), std::size_t{0});
-    std::stable_sort(rows.begin(), rows.end(), [&found](std::size_t a, std::size_t b) {
-        return found[a].safe != found[b].safe ? found[a].safe : found[a].total_time_loss < found[b].total_time_loss;
-    });
+    const auto key = [&found](std::size_t row) {
+        return std::tuple(!found[row].safe, !found[row].followed, found[row].total_time_loss);
+    };
+    std::ranges::stable_sort(rows, {}, key);
     ranking.maneuvers.clear();
     ranking.priorities.clear();
     const auto pairs = static_cast<std::ptrdiff_t>(ranking.pairs.size());

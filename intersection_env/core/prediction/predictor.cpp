@@ -37,7 +37,8 @@ struct Batch {
                 count,
                 {from(t.position), from(t.speed), from(t.acceleration), from(t.enters), from(t.present)},
                 results.time_loss + at(first) * vehicles,
-                results.minimum_distance == nullptr ? nullptr : results.minimum_distance + first};
+                results.minimum_distance == nullptr ? nullptr : results.minimum_distance + first,
+                results.followed == nullptr ? nullptr : results.followed + first};
     }
 };
 
@@ -205,8 +206,12 @@ void Predictor::bind(const Traffic& traffic, std::span<const Pair> pairs, Bound&
     for (const Pair& pair : pairs) {
         const Conflict& conflict =
             *map_->conflict(traffic.route[at(pair.yielder)], traffic.route[at(pair.prioritized)]);
-        bound.pairs.push_back(
-            {pair.yielder, pair.prioritized, conflict.on_yielder.end, conflict.on_prioritized.end, conflict.merging});
+        const auto entry = [&](int vehicle, const Interval& interval) {
+            return std::max(interval.begin, map_->routes[at(traffic.route[at(vehicle)])].stop_line) + CREPT;
+        };
+        bound.pairs.push_back({pair.yielder, pair.prioritized, conflict.on_yielder.end, conflict.on_prioritized.end,
+                               entry(pair.yielder, conflict.on_yielder),
+                               entry(pair.prioritized, conflict.on_prioritized), conflict.merging});
     }
     add_touches(traffic, bound);
     bound.lanes.fill(bound.vehicles, bound.candidates, bound.pairs);

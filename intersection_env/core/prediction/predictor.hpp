@@ -19,6 +19,7 @@ struct Results {
     Trajectories trajectories{};
     float* time_loss = nullptr;        // (scenario, vehicle) [s], always written
     float* minimum_distance = nullptr; // (scenario,) [m], infinite where no two vehicles can touch
+    std::uint8_t* followed = nullptr;  // (scenario,), whether the second of each assigned pair lets the first pass
 };
 
 // Only the first predictions of a thread allocate memory, and those of a larger traffic than any before. Any number of

@@ -124,6 +124,7 @@ std::tuple<Arrays, std::size_t> rank(const Predictor& predictor, const Traffic& 
     columns["gain"] = column<double>(ranking, &Maneuver::gain);
     columns["worth_executing"] = column<bool>(ranking, &Maneuver::worth_executing);
     columns["minimum_distance"] = column<double>(ranking, &Maneuver::minimum_distance);
+    columns["followed"] = column<bool>(ranking, &Maneuver::followed);
     columns["safe"] = column<bool>(ranking, &Maneuver::safe);
     columns["intervention"] = column<bool>(ranking, &Maneuver::intervention);
     columns["priorities"] = priorities;

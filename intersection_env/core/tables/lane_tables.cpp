@@ -92,7 +92,8 @@ void LaneTables::fill_pairs(const std::vector<ProblemVehicle>& vehicles, const s
     for (auto* one : {&yielder_, &prioritized_, &yielder_route_, &merging_}) {
         one->assign(size, 0);
     }
-    for (auto* one : {&yielder_half_length_, &prioritized_half_length_, &yielder_stop_line_, &prioritized_stop_line_}) {
+    for (auto* one : {&yielder_entry_, &prioritized_entry_, &yielder_half_length_, &prioritized_half_length_,
+                      &yielder_stop_line_, &prioritized_stop_line_}) {
         one->assign(size, 0.0F);
     }
     yielder_end_.assign(size, -FAR); // before every position: never active
@@ -106,6 +107,8 @@ void LaneTables::fill_pairs(const std::vector<ProblemVehicle>& vehicles, const s
         merging_[k] = pair.merging ? -1 : 0;
         yielder_end_[k] = pair.yielder_end;
         prioritized_end_[k] = pair.prioritized_end;
+        yielder_entry_[k] = pair.yielder_entry;
+        prioritized_entry_[k] = pair.prioritized_entry;
         yielder_half_length_[k] = i.half_length;
         prioritized_half_length_[k] = j.half_length;
         yielder_stop_line_[k] = i.stop_line;
@@ -141,6 +144,8 @@ LaneProblem LaneTables::problem() const {
             merging_.data(),
             yielder_end_.data(),
             prioritized_end_.data(),
+            yielder_entry_.data(),
+            prioritized_entry_.data(),
             yielder_half_length_.data(),
             prioritized_half_length_.data(),
             yielder_stop_line_.data(),

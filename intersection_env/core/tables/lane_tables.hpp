@@ -26,7 +26,8 @@ class LaneTables {
     LaneVector<std::int32_t> other_, other_stop_lane_;
     LaneVector<float> split_, merge_, offset_, other_half_length_;
     LaneVector<std::int32_t> pair_, yielder_, prioritized_, yielder_route_, merging_;
-    LaneVector<float> yielder_end_, prioritized_end_, yielder_half_length_, prioritized_half_length_;
+    LaneVector<float> yielder_end_, prioritized_end_, yielder_entry_, prioritized_entry_;
+    LaneVector<float> yielder_half_length_, prioritized_half_length_;
     LaneVector<float> yielder_stop_line_, prioritized_stop_line_;
 };
 

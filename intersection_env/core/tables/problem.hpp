@@ -15,6 +15,7 @@ constexpr int MAX_PAIRS = 1024;                  // ours
 constexpr float LEAD_RANGE = 100.0F;             // [m], paper, Section III-B.2
 constexpr float FREE_LEAD_SPEED = 100.0F / 3.6F; // [m/s], likewise
 constexpr float UNBOUNDED = 1000.0F; // [m/s], stands for an infinite top speed in the kernel's finite arithmetic
+constexpr float CREPT = 0.1F;        // [m], ours: what whoever creeps, at less than 1 m/s, needs to stop in one step
 constexpr float FAR = 1.0e6F;        // [m], an arc length that nobody reaches
 constexpr int OBSERVED_COLUMNS = 8, POSE_COLUMNS = 4;
 
@@ -42,6 +43,7 @@ struct LeadCandidate {
 struct ProblemPair {
     int yielder, prioritized;
     float yielder_end, prioritized_end;
+    float yielder_entry, prioritized_entry; // [m], a front beyond it has entered the conflict
     bool merging;
 };
 
@@ -63,7 +65,8 @@ struct LaneProblem {
     // (pair,), first one of each yielder, then a second one, and so on: who is refused early need not be asked again
     const std::int32_t* pair; // its index in Problem::pairs
     const std::int32_t *yielder, *prioritized, *yielder_route, *merging;
-    const float *yielder_end, *prioritized_end, *yielder_half_length, *prioritized_half_length;
+    const float *yielder_end, *prioritized_end, *yielder_entry, *prioritized_entry;
+    const float *yielder_half_length, *prioritized_half_length;
     const float *yielder_stop_line, *prioritized_stop_line;
 };
 
@@ -98,6 +101,7 @@ struct ScenarioArguments {
     Trajectories trajectories;
     float* time_loss;        // (scenario, vehicle)
     float* minimum_distance; // (scenario,), or null: not wanted
+    std::uint8_t* followed;  // (scenario,), or null: not wanted
 };
 
 // Where one moment's observations go; all from the first lane.

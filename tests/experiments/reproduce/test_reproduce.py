@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import json
 import shutil
+import signal
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -336,6 +337,7 @@ def test_shipping_copies_the_policies_into_the_package(
     ("error", "status", "said"),
     [
         (KeyboardInterrupt(), 130, "interrupted; the same command goes on from here"),
+        (KeyboardInterrupt(signal.SIGTERM), 143, "interrupted; the same command goes on from here"),
         (StageFailedError("the training in x ended with exit status 3", 3), 3, "error: the training in x ended"),
     ],
 )

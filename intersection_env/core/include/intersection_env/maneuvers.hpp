@@ -27,12 +27,14 @@ struct Maneuver {
     double worst_time_loss; // of any vehicle
     double gain;            // in total time loss against no intervention
     float minimum_distance; // [m], infinite where no two vehicles can touch
-    bool safe;              // at least 0.5 m
+    bool followed;          // in its own prediction, whoever it puts second lets the first pass
+    bool safe;              // followed, and at least 0.5 m
     bool worth_executing;   // safe, and gains more than WORTHWHILE_GAIN
     bool intervention;      // false for no intervention
 };
 
-// The maneuvers, safe ones first, then by total time loss; equal ones as the search found them.
+// The maneuvers: safe ones, then unsafe ones, last those that are not followed; each by total time loss, equal ones as
+// the search found them.
 struct Ranking {
     std::vector<Pair> pairs; // find_conflicts of the traffic
     std::vector<Maneuver> maneuvers;

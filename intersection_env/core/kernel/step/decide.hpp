@@ -33,6 +33,11 @@ inline Ints settled(const VehicleLanes& vehicle) {
     return vehicle.delta & (vehicle.distance_to_stop_line < vehicle.braking_distance);
 }
 
+// Mask: the second of an assigned pair has its front in the conflict while the pair is active.
+inline Ints disobeys(Ints active, Ints assignment, Floats beyond_entry, Floats foe_beyond_entry) {
+    return active & (assignment != 0) & ((assignment > 0 ? foe_beyond_entry : beyond_entry) > 0.0F);
+}
+
 // After all pairs: the decision that holds, and whom it holds up. waits: the hold of a vehicle that is refused.
 inline void decide_vehicle(VehicleLanes& vehicle, Ints waits) {
     vehicle.delta = ~(vehicle.refused | vehicle.kept) | settled(vehicle);

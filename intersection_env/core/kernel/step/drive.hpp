@@ -12,15 +12,17 @@ constexpr float LEAST_GAP = 0.1F; // [m], ours: keeps the model finite where bum
 // Ours, of what limits a network:
 constexpr float LEAST_LEAD_GAP = 0.5F; // [m], at which vehicles count as colliding
 constexpr float ROUNDED_STOP = 0.02F;  // [m], by which a stop in whole steps may be longer than v²/2b
-constexpr float OVERSHOOT = 0.05F;     // [m], who is so little beyond where it could stop is kept too
 
-// inverse_root: 1 / (2 sqrt(a b))
+// inverse_root: 1 / (2 sqrt(a b)). What the road alone asks for takes the speed to the free speed in a step at most:
+// where that is low, the fourth power would throw it to and fro.
 inline Floats idm(const IdmParameters& p, float inverse_root, Floats speed, Floats free_speed, Floats gap,
                   Floats lead_speed) {
     const Floats ratio = speed / free_speed;
     const Floats dynamic = speed * fused(speed - lead_speed, all(inverse_root), all(p.time_gap));
     const Floats wanted = (p.standing_gap + most(dynamic, all(0.0F))) / most(gap, all(LEAST_GAP));
-    return p.acceleration * (1.0F - ratio * ratio * ratio * ratio - wanted * wanted);
+    const Floats none = all(0.0F), reach = (free_speed - speed) * (1.0F / (DT * p.acceleration));
+    const Floats road = 1.0F - ratio * ratio * ratio * ratio;
+    return p.acceleration * (least(most(road, least(reach, none)), most(reach, none)) - wanted * wanted);
 }
 
 // Whoever goes on with a speed for a step and then brakes by b stands after DT / 2 (speed + next) + next² / 2b.
@@ -32,8 +34,9 @@ inline Floats speed_before(Floats way, float b) {
     return b * (root(most(fused(way, all(2.0F / b), all(0.25F * DT * DT)), all(0.0F))) - 0.5F * DT);
 }
 
-// What keeps a network to the rules: whoever must not cross the line and is able to stop stays able to, and everybody
-// can stop behind the lead, whatever that one does. hardest: the strongest braking of all vehicles [m/s²].
+// What keeps a network to the rules: whoever must not cross the line stays able to stop there, or stops at once where
+// it is not, and everybody can stop behind the lead, whatever that one does. hardest: the strongest braking of all
+// vehicles [m/s²].
 inline Floats limited(const VehicleLanes& vehicle, Floats acceleration, float hardest) {
     const Floats lead_next = most(vehicle.lead_speed - DT * hardest, all(0.0F));
     const Floats to_lead = fused(vehicle.lead_speed, all(0.5F * DT), vehicle.lead_distance - LEAST_LEAD_GAP) +
@@ -42,8 +45,7 @@ inline Floats limited(const VehicleLanes& vehicle, Floats acceleration, float ha
     const Floats before_line = fused(vehicle.speed, all(-0.5F * DT), vehicle.distance_to_stop_line - ROUNDED_STOP);
     const Floats next = most(fused(acceleration, all(DT), vehicle.speed), all(0.0F));
     const Ints close = way_after(next, hardest) > behind_lead;
-    const Ints held = ~vehicle.delta & (vehicle.distance_to_stop_line + OVERSHOOT >= vehicle.braking_distance) &
-                      (way_after(next, BRAKING) > before_line);
+    const Ints held = ~vehicle.delta & (way_after(next, BRAKING) > before_line);
     if (!any(close | held)) {
         return acceleration;
     }
@@ -53,7 +55,8 @@ inline Floats limited(const VehicleLanes& vehicle, Floats acceleration, float ha
     return most(slower, all(-hardest));
 }
 
-inline Floats drive(const Problem& problem, float inverse_root, const VehicleLanes& vehicle) {
+// top_speed: the vehicle's own, beyond which a network does not accelerate [m/s].
+inline Floats drive(const Problem& problem, float inverse_root, Floats top_speed, const VehicleLanes& vehicle) {
     if (problem.driver == Driver::constant_velocity) {
         return all(0.0F);
     }
@@ -69,7 +72,9 @@ inline Floats drive(const Problem& problem, float inverse_root, const VehicleLan
     Floats input[DRIVING_INPUTS];
     driving_features(vehicle, input);
     const float scale = problem.acceleration_scale;
-    return limited(vehicle, scale * tanh(evaluate<DRIVING_INPUTS>(*problem.driving_network, input, Tanh{})), scale);
+    const Floats wanted = scale * tanh(evaluate<DRIVING_INPUTS>(*problem.driving_network, input, Tanh{}));
+    const Floats to_top = (most(vehicle.speed, top_speed) - vehicle.speed) * (1.0F / DT);
+    return limited(vehicle, least(wanted, to_top), scale);
 }
 
 // Moves the vehicle by one step, no slower than `least_speed`, where `moves`; returns the acceleration that came of it.
