@@ -248,6 +248,7 @@ def main(settings: RolloutSettings) -> int:
         return train_seeds(main, settings)
     with Command(settings.run / "rollout_gradient.policy") as command:
         decider = gap_decider(settings.decider)
+        gap_network(decider)  # refused, if it decides by a rule, before there is a folder
         places = usable_places(settings.scenes, settings.map)
         hashes: dict[str, Any] = {"scenes": [file_hash(scenes_path(name)) for name in settings.scenes]}
         hashes |= {"gap": gap_hash(decider), "teacher": gap_hash(policy_named(settings.teacher, None)[0])}
