@@ -37,7 +37,11 @@ FLOORS = {
     ),
     "data": (("recording",), ("formats", "pipeline", "sumo"), ("build", "describe"), ("align",)),
     "agents": (("networks", "training"), ("rollouts",), ("gap", "idm", "ppo")),
-    "imitation": (("tracks", "discriminator", "torch_model"), ("expert", "replay_error"), ("gail",)),
+    "imitation": (
+        ("tracks", "discriminator", "cloning", "empty_road_states", "torch_model"),
+        ("expert", "replay_error", "along_route"),
+        ("gail",),
+    ),
     "experiments": (
         ("results_files", "show", "models"),
         ("report", "bench"),
