@@ -7,6 +7,7 @@ import shutil
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 from agents.gap.train import PROFILES as GAP_PROFILES
 from agents.idm import ROUNDS
@@ -18,8 +19,9 @@ from experiments.reproduce.default import default_of
 from experiments.reproduce.stages import run_module, run_trainings
 from experiments.reproduce.workspace import Workspace
 from experiments.results_files import write_result
-from imitation.gail import BETWEEN_MOMENTS
+from imitation.closer_look import watched
 from imitation.gail import PROFILES as GAIL_PROFILES
+from intersection_env.evaluation.empty_road import empty_road
 from intersection_env.evaluation.errors import distance_error
 from intersection_env.evaluation.gates import LEAST_SPEED, MOST_COLLISIONS
 from intersection_env.evaluation.moments import followed, moments_of
@@ -60,7 +62,7 @@ class Trainings:
         stage("gap", order, policy("gap"), self._gap, effort=effort, order=order)
         stage("idm", ["gap"], policy("idm_calibrated"), self._idm, effort=effort)
         stage("ppo", ["gap"], policy("ppo"), self._ppo, seeds=seeds, effort=effort)
-        stage("gail", ["ppo"], policy("gail"), self._gail, effort=effort)
+        stage("gail", ["ppo", "idm"], policy("gail"), self._gail, effort=effort)
         stage("default", ["gail", "idm"], self.workspace.default, self._default, limits=[LEAST_SPEED, MOST_COLLISIONS])
 
     def _scenes(self, place: Intersection) -> None:
@@ -99,8 +101,16 @@ class Trainings:
             return ["imitation.gail", "default", *arguments, "--ppo", str(self.workspace.run_of(f"ppo_{seed}"))]
 
         self._seeds("gail", GAIL_PROFILES["default"][1].epochs, command)
-        watched = followed(moments_in(self.workspace.all_scenes(), "development", BETWEEN_MOMENTS)[0])
-        self._best("gail", lambda path: -distance_error(Predictor.load(path), watched))
+        seen = watched(self.workspace.all_scenes())
+        reference = Predictor.load(self.workspace.policy("idm_calibrated"))
+
+        def merit(path: Path) -> tuple[bool, float]:
+            """Whoever crawls on an empty road is chosen only if all do."""
+            driver = Predictor.load(path)
+            alone = empty_road(driver, reference, self.workspace.places)
+            return alone.least >= LEAST_SPEED, -distance_error(driver, seen)
+
+        self._best("gail", merit)
 
     def _default(self) -> None:
         policies = [Predictor.load(self.workspace.policy(name)) for name in TRAINED]
@@ -127,7 +137,7 @@ class Trainings:
         for run in trainings:
             self._keep(run / f"{name}.policy", run.name)
 
-    def _best(self, name: str, merit: Callable[[Path], float]) -> None:
+    def _best(self, name: str, merit: Callable[[Path], Any]) -> None:
         merits = {seed: merit(self.workspace.policy(f"{name}_{seed}")) for seed in self.options.seeds}
         best = max(merits, key=merits.__getitem__)
         print(f"{name}: seed {best} of {merits}")

@@ -28,6 +28,8 @@ from experiments.show.places import place_table
 from imitation.gail import PROFILES as GAIL_PROFILES
 from imitation.replay_error import constant_velocity_network
 from intersection_env import Intersection, Predictor, Scene, Scenes
+from intersection_env.evaluation.empty_road import EmptyRoad
+from intersection_env.evaluation.gates import LEAST_SPEED
 from intersection_env.evaluation.moments import moments_of
 from intersection_env.policies.named import POLICIES, gap_decider
 from intersection_env.scenes.scene import Track
@@ -198,6 +200,20 @@ def test_training_keeps_the_best_seed_of_each_driver(options: Options, trainer: 
     assert (policies / "ppo.policy").read_bytes() == (policies / "ppo_4.policy").read_bytes()
     assert (policies / "gail.policy").read_bytes() == (policies / "gail_3.policy").read_bytes()
     assert not options.out.exists()
+
+
+def test_driver_that_crawls_on_an_empty_road_is_kept_only_if_every_seed_does(
+    options: Options, trainer: Trainer, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of GAIL's seeds 3 predicts best, then 4."""
+
+    def alone(driver: Predictor, *_: object) -> EmptyRoad:
+        return EmptyRoad(0.1 if driver.name == "gail_3" else LEAST_SPEED, 1.0, "", 1)
+
+    monkeypatch.setattr(trainings, "empty_road", alone)
+    assert main(options) == 0
+    policies = options.work / "policies"
+    assert (policies / "gail.policy").read_bytes() == (policies / "gail_4.policy").read_bytes()
 
 
 def test_default_predicts_best_of_those_that_pass(options: Options, trainer: Trainer) -> None:
