@@ -8,9 +8,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from intersection_env.evaluation.moments import Moment
-from intersection_env.maps.intersection import Intersection, Sample
+from intersection_env.evaluation.moments import SCORED, Moment
+from intersection_env.maps.intersection import Route, Sample
 from intersection_env.prediction.predictor import Predictor
+from intersection_env.scenes.scenes import Scenes
 from intersection_env.traffic import Traffic, Vehicle
 
 LEAST_STEPS = 5  # what is known for less than 1 s says nothing
@@ -42,22 +43,38 @@ def recorded_examples(moments: Sequence[Moment]) -> list[Example]:
 
 
 def free_examples(
-    maps: Sequence[Intersection], teacher: Predictor, count: int, generator: np.random.Generator
+    places: Sequence[Scenes], teacher: Predictor, count: int, generator: np.random.Generator
 ) -> list[Example]:
-    """A car alone, as a teacher drives it, from random places of random routes until it leaves the map.
+    """A car alone, as a teacher drives it where nobody is recorded: before the view, and from the junction's end on.
 
-    Nobody is recorded beyond the view, nor, at many a speed, on an empty road: there this says what to do. One in five
-    begins at a standstill, the others at up to the allowed speed.
+    Each begins at a random place of a random route's part there, one in five at a standstill, the others at up to the
+    allowed speed; what counts is what it drives there, until it leaves the map.
     """
+    free = [
+        (place.intersection, route, *_view(place, route)) for place in places for route in place.intersection.routes
+    ]
     found: list[Example] = []
     while len(found) < count:
-        intersection = maps[int(generator.integers(len(maps)))]
-        route = intersection.routes[int(generator.integers(len(intersection.routes)))]
-        place = float(generator.uniform(0.0, route.length))
+        intersection, route, begin, end = free[int(generator.integers(len(free)))]
+        place = float(generator.uniform(0.0, route.length - (end - begin)))
+        place += (end - begin) * (place > begin)
         allowed = float(intersection.sample(route.index, np.array([place], np.float32))[0, Sample.V_MAX])
         speed = allowed * max(float(generator.uniform(-0.25, 1.0)), 0.0)
         alone = Traffic.of(intersection, [Vehicle("alone", route.id, place, speed)])
         drive = teacher.predict(alone)
-        if drive.present[0].sum() > LEAST_STEPS:
-            found.append(Example(alone, drive.position[0], drive.speed[0], drive.present[0]))
+        position = drive.position[0]
+        scored = drive.present[0] & ((position < begin) | (position > end))
+        if scored.sum() > LEAST_STEPS:
+            found.append(Example(alone, position, drive.speed[0], scored))
     return found
+
+
+def _view(scenes: Scenes, route: Route) -> tuple[float, float]:
+    """From where cars are recorded on a route, and the junction's end, from which on they drive freely [m]."""
+    firsts = [
+        float(track.position[track.observed].min())
+        for scene in scenes
+        for track in scene.tracks
+        if track.route == route.index and track.road_user in SCORED and track.observed.any()
+    ]
+    return (min(firsts) if firsts else route.junction[0]), route.junction[1]

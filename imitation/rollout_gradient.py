@@ -129,9 +129,9 @@ class Data:
     @classmethod
     def of(cls, places: Sequence[Scenes], settings: RolloutSettings) -> Data:
         """The training scenes of these places."""
-        maps = [place.intersection for place in places]
-        tables, generator = MapTables.of(maps), np.random.default_rng(settings.seed)
-        free = free_examples(maps, Predictor.load(settings.teacher), settings.free_drives, generator)
+        tables, generator = MapTables.of([place.intersection for place in places]), np.random.default_rng(settings.seed)
+        training = [place.select("train") for place in places]
+        free = free_examples(training, Predictor.load(settings.teacher), settings.free_drives, generator)
         recorded = recorded_drives(tables, places, "train", settings.every)
         moments = None
         if settings.alone_epochs < settings.epochs:

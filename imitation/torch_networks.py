@@ -14,7 +14,7 @@ from intersection_env.constants import ACCELERATION, DT
 from intersection_env.features import Driving
 from intersection_env.policies.file import NetworkWeights, PolicyFile
 
-LEAST_LEAD_GAP, ROUNDED_STOP, OVERSHOOT = 0.5, 0.02, 0.05  # [m], of what limits a network
+LEAST_LEAD_GAP, ROUNDED_STOP = 0.5, 0.02  # [m], of what limits a network
 LEAST_ROOT = 1e-12  # keeps the slope of a root finite
 
 Network = Callable[[Tensor], Tensor]
@@ -61,27 +61,28 @@ class Networks:
         gap = _evaluated(policy.gap_network, torch.nn.functional.leaky_relu)  # slope 0.01
         return cls(_evaluated(policy.driving_network, torch.tanh), gap, policy.acceleration_scale)
 
-    def drive(self, view: View, delta: Tensor, noise: Tensor | None = None) -> Tensor:
+    def drive(self, view: View, delta: Tensor, noise: Tensor | None = None, max_speed: Tensor | None = None) -> Tensor:
         """The accelerations (...,) [m/s²] with decisions (...,) bool, within what a prediction allows.
 
-        noise: (..., 12), added to what the driver sees, not to what limits it.
+        noise: (..., 12), added to what the driver sees, not to what limits it. max_speed: (...,) the vehicles' own top
+        speeds [m/s]; None: unbounded.
         """
         seen = view.features(delta)
         wanted = self.scale * torch.tanh(self.driving(seen if noise is None else seen + noise))
-        braking = view.speed.square() / (2.0 * _core.BRAKING)
-        may_run = delta | (view.to_line < braking - OVERSHOOT)
-        return _limited(wanted, view, may_run, self.scale)
+        if max_speed is not None:
+            wanted = wanted.minimum((torch.maximum(view.speed, max_speed) - view.speed) / DT)
+        return _limited(wanted, view, delta, self.scale)
 
 
-def _limited(wanted: Tensor, view: View, may_run: Tensor, hardest: float) -> Tensor:
-    """What keeps every vehicle able to stop behind its lead, and those that must at their lines."""
+def _limited(wanted: Tensor, view: View, delta: Tensor, hardest: float) -> Tensor:
+    """What keeps every vehicle able to stop behind its lead, and those that wait from crossing their lines."""
     speed, lead_speed = view.speed, view.lead_speed
     lead_next = (lead_speed - DT * hardest).clamp(min=0.0)
     lead_way = 0.5 * DT * (lead_speed + lead_next) + lead_next.square() / (2.0 * hardest)
     following = (speed + DT * wanted).clamp(min=0.0)
     slower = wanted
     bounds = ((view.to_lead + lead_way - LEAST_LEAD_GAP, hardest), (view.to_line - ROUNDED_STOP, _core.BRAKING))
-    for (distance, b), free in zip(bounds, (torch.zeros_like(may_run), may_run), strict=True):
+    for (distance, b), free in zip(bounds, (torch.zeros_like(delta), delta), strict=True):
         rest = distance - 0.5 * DT * speed
         breaks = following * (0.5 * DT + following / (2.0 * b)) > rest
         stops = b * ((0.25 * DT**2 + rest * (2.0 / b)).clamp(min=LEAST_ROOT).sqrt() - 0.5 * DT)

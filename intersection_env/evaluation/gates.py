@@ -10,8 +10,13 @@ from intersection_env.evaluation.moments import Moment
 from intersection_env.evaluation.obedience import Findings, obedience
 from intersection_env.prediction.predictor import Predictor
 
-LEAST_SPEED = 0.8
-"""On an empty road, of the calibrated IDM's; ours: who stands, or crawls, is no driver."""
+LEAST_SPEED = 0.5
+"""On an empty road, of the calibrated IDM's, from any start; ours: who stands, or crawls, is no driver.
+
+Not more, as that IDM slows for bends alone: with nobody ahead and nobody to wait for, recorded drivers who turn left
+from the main road pass the last metres before the line at 4.8 m/s in the median (Bendplatz, SE-SW), it at 8.8."""
+LEAST_MEAN_SPEED = 0.9
+"""Likewise, the mean over all starts."""
 MOST_COLLISIONS = 0.02
 """Share of the predictions in which vehicles collide, as none of a scene's recorded ones do; ours: IDM and networks
 that keep behind their lead and at their line come to 0.6 to 1.3 %, constant velocity to 33 %."""
@@ -29,9 +34,11 @@ class Gates:
     def refusals(self) -> list[str]:
         """Why the policy may not be the default; empty if it may."""
         found = []
+        share = "of the calibrated IDM's speed on an empty road"
         if self.empty_road.least < LEAST_SPEED:
-            share = f"{self.empty_road.least:.2f} of the calibrated IDM's speed on an empty road, wanted {LEAST_SPEED}"
-            found.append(f"{share} ({self.empty_road.where})")
+            found.append(f"{self.empty_road.least:.2f} {share}, wanted {LEAST_SPEED} ({self.empty_road.where})")
+        if self.empty_road.mean < LEAST_MEAN_SPEED:
+            found.append(f"{self.empty_road.mean:.2f} {share} in the mean, wanted {LEAST_MEAN_SPEED}")
         if self.obedience.wrong:
             found.append(f"disobeys {len(self.obedience.wrong)} times, first {self.obedience.wrong[0]}")
         if self.collisions > MOST_COLLISIONS:

@@ -30,8 +30,9 @@ def test_default_passes_the_gates() -> None:
 
 def test_constant_velocity_passes_none_of_them(moments: list[Moment]) -> None:
     found = gates(Predictor.load("constant_velocity"), moments)
-    empty, disobeys, collides = found.refusals()
-    assert empty.startswith("0.00 of the calibrated IDM's speed on an empty road, wanted 0.8 (bendplatz, ")
+    empty, slow, disobeys, collides = found.refusals()
+    assert empty.startswith("0.00 of the calibrated IDM's speed on an empty road, wanted 0.5 (bendplatz, ")
+    assert slow.endswith("of the calibrated IDM's speed on an empty road in the mean, wanted 0.9")
     assert disobeys.startswith("disobeys ")
     assert collides.endswith("of the predictions, wanted at most 2%")
     assert not found.passed
@@ -40,8 +41,10 @@ def test_constant_velocity_passes_none_of_them(moments: list[Moment]) -> None:
 def test_each_gate_refuses_by_itself() -> None:
     good = Gates(EmptyRoad(LEAST_SPEED, 1.0, "there", 1), Findings(), MOST_COLLISIONS)
     assert good.passed
-    slow = replace(good, empty_road=EmptyRoad(0.79, 1.0, "there", 1))
-    assert slow.refusals() == ["0.79 of the calibrated IDM's speed on an empty road, wanted 0.8 (there)"]
+    stands = replace(good, empty_road=EmptyRoad(0.49, 1.0, "there", 1))
+    assert stands.refusals() == ["0.49 of the calibrated IDM's speed on an empty road, wanted 0.5 (there)"]
+    slow = replace(good, empty_road=EmptyRoad(0.5, 0.89, "there", 1))
+    assert slow.refusals() == ["0.89 of the calibrated IDM's speed on an empty road in the mean, wanted 0.9"]
     disobedient = replace(good, obedience=Findings(wrong=["runs its line", "again"]))
     assert disobedient.refusals() == ["disobeys 2 times, first runs its line"]
     assert replace(good, collisions=0.021).refusals() == ["collisions in 2.1% of the predictions, wanted at most 2%"]

@@ -7,7 +7,7 @@ import pytest
 
 from intersection_env import Intersection, Predictor, Traffic, Vehicle
 from intersection_env.evaluation.empty_road import empty_road
-from intersection_env.evaluation.gates import LEAST_SPEED
+from intersection_env.evaluation.gates import LEAST_MEAN_SPEED, LEAST_SPEED
 from intersection_env.maps.intersection import shipped_maps
 from intersection_env.policies.file import IdmParameters, PolicyFile
 from intersection_env.policies.named import DEFAULT, GAP_RULES, POLICIES, RULES
@@ -31,6 +31,7 @@ DRIVERS = [
 def test_whoever_drives_is_fast_on_an_empty_road(policy: str, gap: str | None) -> None:
     found = empty_road(Predictor.load(policy, gap=gap))
     assert found.least >= LEAST_SPEED, found.where
+    assert found.mean >= LEAST_MEAN_SPEED
     assert found.drives > 20 * sum(len(Intersection.load(name).routes) for name in shipped_maps())
 
 
@@ -71,9 +72,9 @@ def test_faster_driver_is_not_blamed_for_a_lower_limit_that_it_has_reached() -> 
     place = Intersection.load("crossroads")
     start = Vehicle("a", "E-S", place.routes[place.route_index("E-S")].stop_line - 60.0, 0.0)
     ends = [float(one.predict(Traffic.of(place, [start])).speed[0, -1, 0]) for one in (slow, brisk)]
-    assert ends[1] < LEAST_SPEED * ends[0]
+    assert ends[1] < 0.8 * ends[0]
     found = empty_road(brisk, slow, [place])
-    assert found.least >= LEAST_SPEED, found.where
+    assert found.least > 0.8, found.where
 
 
 def test_no_start_to_compare_from_is_refused() -> None:
