@@ -21,7 +21,7 @@ from tqdm import tqdm
 
 from experiments.measure.order_handed_in import OrderHandedIn
 from experiments.results_files import write_result
-from experiments.show.horizon import QUANTITIES, errors_text, plot_errors
+from experiments.show.horizon import QUANTITIES, errors_text, order_handed_in_text, plot_errors
 from intersection_env.constants import DT, STEPS
 from intersection_env.evaluation.errors import (
     AT_HORIZON,
@@ -181,7 +181,9 @@ def _intervals(
 
 
 def _interval(recording: Names, errors: list[Floats], figure: str) -> dict[str, float] | None:
-    """Of the figure of one model's errors (sample,), or of the ratio of two models' figures."""
+    """Of the figure of one model's errors (sample,), or of the ratio of two models' figures; None without samples."""
+    if not len(recording):
+        return None
     rows, of = np.stack(errors, axis=1), FIGURES[figure]
 
     def statistic(samples: Floats) -> float:
@@ -229,6 +231,7 @@ def main(options: Options) -> int:
         models, informed = ([Predictor.load(one) for one in of] for of in (options.policies, options.order_handed_in))
         results = measured(models, moments, informed)
         print(errors_text(results))
+        print(order_handed_in_text(results))
         if options.figure:
             write_figure(plot_errors(results, {name: name for name in results["models"]}), options.figure)
         write_result(

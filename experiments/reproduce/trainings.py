@@ -22,7 +22,7 @@ from imitation.closer_look import watched
 from imitation.gail import PROFILES as GAIL_PROFILES
 from imitation.rollout_gradient import PROFILES as ROLLOUT_PROFILES
 from intersection_env.evaluation.errors import distance_error
-from intersection_env.evaluation.gates import LEAST_SPEED, MOST_COLLISIONS
+from intersection_env.evaluation.gates import LEAST_MEAN_SPEED, LEAST_SPEED, MOST_COLLISIONS
 from intersection_env.evaluation.moments import followed, moments_of
 from intersection_env.evaluation.places import moments_in
 from intersection_env.files import written_whole
@@ -64,7 +64,7 @@ class Trainings:
         stage("rollout_gradient", ["gap", "idm"], rollouts, self._rollout_gradient, seeds=seeds, effort=effort)
         stage("ppo", ["gap"], policy("ppo"), self._ppo, seeds=seeds, effort=effort)
         stage("gail", ["ppo"], policy("gail"), self._gail, effort=effort)
-        drivers, limits = ["rollout_gradient", "gail"], [LEAST_SPEED, MOST_COLLISIONS]
+        drivers, limits = ["rollout_gradient", "gail"], [LEAST_SPEED, LEAST_MEAN_SPEED, MOST_COLLISIONS]
         stage("default", ["idm", *drivers], self.workspace.default, self._default, limits=limits)
 
     def _scenes(self, place: Intersection) -> None:

@@ -38,12 +38,14 @@ def errors_text(results: Mapping[str, Any]) -> str:
         lines.append(" ".join((f"{time + ', recorded':<26}", *(f"{head:>20}" for head in heads))))
         for name, row in results[key].items():
             lines.append(f"{name:<26} " + " ".join(f"{in_unit(row[one]):>20}" for one in ERRORS))
-    lines += _last_seen_lines("until last seen", results)
+    return "\n".join([*lines, *_last_seen_lines("until last seen", results)])
+
+
+def order_handed_in_text(results: Mapping[str, Any]) -> str:
+    """The errors until last seen with the recorded order handed in, and how often that was refused, as text."""
     informed = results["order_handed_in"]
-    if informed["models"]:
-        lines += _last_seen_lines("recorded order handed in", informed)
-        lines += [f"{name}: refused in {count} moments" for name, count in informed["refused"].items()]
-    return "\n".join(lines)
+    lines = [f"{name}: refused in {count} moments" for name, count in informed["refused"].items()]
+    return "\n".join([*_last_seen_lines("recorded order handed in", informed), *lines])
 
 
 def _last_seen_lines(title: str, results: Mapping[str, Any]) -> list[str]:
