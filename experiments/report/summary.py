@@ -82,7 +82,8 @@ def _value(figure: Json | None) -> Any:
 
 
 def _order(models: Json) -> dict[str, float]:
-    names = {"model": "gail"} | {name: name for name in ("rollout_gradient", "priority_first", "sumo_rule")}
+    others = (name for name in ("rollout_gradient", "priority_first", "sumo_rule") if name in models)
+    names = {"model": "gail"} | {name: name for name in others}
     return {key: models[name]["accuracy"]["value"] for key, name in names.items()}
 
 
