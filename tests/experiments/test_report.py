@@ -442,6 +442,23 @@ def test_model_that_is_missing_is_said_and_left_out(results: Results, folder: Pa
     assert "| SUMO |" not in text
 
 
+def test_what_was_not_measured_has_no_row_and_no_table(results: Results) -> None:
+    whole = report.report(results, ABOUT, SECONDS)
+    for split in ("development", "validation"):
+        found = results[f"horizon_{split}"]
+        for rows in ("models", "at_10s", "until_last_seen"):
+            del found[rows]["rollout_gradient"]
+        del found["at_4s"], found["order_handed_in"]
+        for population in ("recorded", "all"):
+            del results[f"order_{split}"][population]["models"]["rollout_gradient"]
+    del results["replay_validation"]
+    text = report.report(results, ABOUT, SECONDS)
+    for said in ("The same after 4 s", "recorded order handed in", "alone within limits", "Driving alone"):
+        assert said in whole
+        assert said not in text
+    assert "rollout_gradient" not in summary(results, ABOUT, SECONDS)["order"]
+
+
 def test_figures_that_there_are_no_samples_of_are_left_out(results: Results, monkeypatch: pytest.MonkeyPatch) -> None:
     """Nobody is extrapolated at the start where recordings are long and the map is small."""
     monkeypatch.setattr(intervals, "RESAMPLES", 20)

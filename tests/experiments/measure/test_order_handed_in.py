@@ -16,7 +16,7 @@ from intersection_env.evaluation.moments import Moment
 from intersection_env.prediction.measures import crossing_order
 from tests.experiments.measure.test_crossing_order import first, pair
 
-BENDPLATZ = Intersection.load("bendplatz")
+
 FEASIBLE = ((20, 24), (24, 20), (30, 26), (40, 43), (43, 40))
 TOO_LATE = ((2, 1),)
 """Steps at which yielder and prioritized vehicle arrive; the yielder can no longer stop."""
@@ -28,7 +28,8 @@ def few_resamples(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def moments_of_pairs(*arrivals: tuple[int, int]) -> list[Moment]:
-    return first(BENDPLATZ, *(pair(BENDPLATZ, *steps, f"{10 + k}") for k, steps in enumerate(arrivals)))
+    bendplatz = Intersection.load("bendplatz")
+    return first(bendplatz, *(pair(bendplatz, *steps, f"{10 + k}") for k, steps in enumerate(arrivals)))
 
 
 def test_prediction_follows_the_recorded_order_that_it_is_told() -> None:

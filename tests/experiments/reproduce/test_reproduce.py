@@ -9,6 +9,7 @@ import signal
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -212,12 +213,16 @@ def test_training_keeps_the_best_seed_of_each_driver(options: Options, trainer: 
 def test_each_training_is_told_what_it_knows_and_begins_with_what_came_before(
     options: Options, trainer: Trainer
 ) -> None:
-    profiles = {"agents.ppo": PPO_PROFILES, "imitation.gail": GAIL_PROFILES, "imitation.rollout_gradient": ROLLOUTS}
+    profiles: dict[str, Any] = {
+        "agents.ppo": PPO_PROFILES,
+        "imitation.gail": GAIL_PROFILES,
+        "imitation.rollout_gradient": ROLLOUTS,
+    }
     assert main(options) == 0
     policies = options.work / "policies"
     seen = []
     for module, *told in (one for one in trainer.told if one[0] in profiles):
-        settings = tyro.extras.overridable_config_cli(profiles[module], args=told)  # type: ignore[arg-type]
+        settings: Any = tyro.extras.overridable_config_cli(profiles[module], args=told)
         seen.append((module, settings.seed))
         if module == "imitation.rollout_gradient":
             assert (settings.decider, settings.teacher) == tuple(
