@@ -16,7 +16,6 @@ from intersection_env.evaluation.moments import Moment
 from intersection_env.prediction.measures import crossing_order
 from tests.experiments.measure.test_crossing_order import first, pair
 
-
 FEASIBLE = ((20, 24), (24, 20), (30, 26), (40, 43), (43, 40))
 TOO_LATE = ((2, 1),)
 """Steps at which yielder and prioritized vehicle arrive; the yielder can no longer stop."""
