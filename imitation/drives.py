@@ -14,6 +14,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
+from imitation.adjoint import Motion
 from imitation.examples import LEAST_STEPS, Example
 from imitation.expert import expert_steps
 from imitation.map_tables import MapTables
@@ -24,14 +25,6 @@ from intersection_env.features import Driving
 from intersection_env.scenes.scenes import Scenes
 
 NO_LEAD = 1e6  # [m]
-
-
-class Motion(NamedTuple):
-    """What a rollout did in its steps: (row, step) each, or (row, step, vehicle) [m], [m/s], [m/s²]."""
-
-    position: Tensor
-    speed: Tensor
-    acceleration: Tensor
 
 
 class Drives(NamedTuple):
@@ -56,7 +49,7 @@ class Drives(NamedTuple):
         return Drives(*(one[chosen] for one in self))
 
     def driven(self, tables: MapTables, networks: Networks, steps: int, noise: Tensor | None = None) -> Motion:
-        """Where the driver gets to in the first so many steps.
+        """Where the driver gets to in the first so many steps: (step, row).
 
         noise: (step, row, 12), added to what the driver sees; None: nothing.
         """
@@ -74,7 +67,7 @@ class Drives(NamedTuple):
             position, applied = position + 0.5 * DT * (speed + faster), (faster - speed) / DT
             speed = faster
             motion.append((position, speed, applied))
-        return Motion(*(torch.stack(one, 1) for one in zip(*motion, strict=True)))
+        return Motion(*(torch.stack(one) for one in zip(*motion, strict=True)))
 
 
 def recorded_drives(tables: MapTables, places: Sequence[Scenes], split: str, every: float) -> Drives:

@@ -29,16 +29,19 @@ from agents.training.command import Command
 from agents.training.folder import RunFolder, decisive, file_hash, joint_hash
 from agents.training.loop import Epochs
 from agents.training.seeds import train_seeds
+from imitation.adjoint import Motion, backward
 from imitation.closer_look import closer_look, last_look, watched
-from imitation.drives import Drives, Motion, free_drives, joined, recorded_drives
+from imitation.drives import Drives, free_drives, joined, recorded_drives
 from imitation.examples import free_examples, recorded_examples
 from imitation.gail import usable_places
 from imitation.joint_moments import JointMoments
 from imitation.map_tables import MapTables
+from imitation.torch_model import TorchPredictor
 from imitation.torch_networks import Networks
 from intersection_env.constants import STEPS
 from intersection_env.evaluation.moments import followed
 from intersection_env.evaluation.places import moments_in
+from intersection_env.policies.file import PolicyFile
 from intersection_env.policies.named import gap_decider, policy_named
 from intersection_env.prediction.predictor import Predictor
 from intersection_env.scenes.places import ALL_SCENES, each_place, map_names
@@ -163,7 +166,7 @@ def train_driver(
     torch.manual_seed(settings.seed)  # the network's first weights
     generator = torch.Generator().manual_seed(settings.seed)
     driver, gaps = DrivingNetwork(), gap_network(gap_decider(settings.decider)).requires_grad_(settings.learns_gaps)
-    data, seen = Data.of(places, settings), watched(places)
+    networks, data, seen = Networks(driver, gaps), Data.of(places, settings), watched(places)
     optimizer = torch.optim.Adam([*driver.parameters(), *gaps.parameters()])
     with Epochs("rollouts", settings.epochs, folder, settings.checkpoint_every, progress) as epochs:
         epochs.resume(driver=driver, gaps=gaps, optimizer=optimizer, generator=generator)
@@ -172,16 +175,17 @@ def train_driver(
             for share, rows in _batches(data, settings, epoch, generator):
                 for group in optimizer.param_groups:
                     group["lr"] = _rate(settings, epoch, share)
-                loss = _loss(data, Networks(driver, gaps), settings, epoch, rows, generator)
                 optimizer.zero_grad()
-                loss.backward()  # type: ignore[no-untyped-call]
+                if epoch <= settings.alone_epochs:
+                    losses.append(_backward_alone(data, networks, settings, rows, generator))
+                else:
+                    losses.append(_backward_jointly(data, networks, settings, rows))
                 for network in (driver, gaps):
                     nn.utils.clip_grad_norm_(network.parameters(), settings.gradient_norm)
                 optimizer.step()
-                losses.append(float(loss.detach()))
             row: dict[str, Any] = {"loss": float(np.mean(losses))}
             if epochs.is_due:
-                row |= closer_look(driver, driving_policy(policy_file(gaps, {}), driver, {}), places, seen, True)
+                row |= closer_look(driver, _policy(networks), places, seen, True)
                 epochs.show(
                     loss=f"{row['loss']:.2f}",
                     predicted=f"{row['predicted']:.2f}",
@@ -216,30 +220,46 @@ def _rate(settings: RolloutSettings, epoch: int, share: float) -> float:
     return highest * float(np.interp(share, (0.0, RISE, 1.0), (0.1, 1.0, LAST)))
 
 
-def _loss(
-    data: Data, networks: Networks, settings: RolloutSettings, epoch: int, rows: Tensor, generator: torch.Generator
-) -> Tensor:
-    """Of the drives alone, or of the moments predicted jointly, in these rows."""
-    if epoch > settings.alone_epochs:
-        assert data.moments is not None
-        moments = data.moments.rows(rows)
-        motion = moments.driven(data.tables, networks, settings.learns_gaps)
-        return _error(motion, moments.position, moments.speed, moments.scored, settings)
+def _backward_alone(
+    data: Data, networks: Networks, settings: RolloutSettings, rows: Tensor, generator: torch.Generator
+) -> float:
+    """The loss of these drives; its gradients are added to the driver's weights."""
     drives, noise = data.drives.rows(rows), None
     if settings.noise:
         drawn = torch.randn((settings.steps, len(rows), len(DRIVING_SCALE)), generator=generator)
         noise = settings.noise * drawn / torch.tensor(DRIVING_SCALE)
     motion = drives.driven(data.tables, networks, settings.steps, noise)
-    return _error(motion, drives.position, drives.speed, drives.known, settings)
+    loss = _error(settings, motion, drives.position.T, drives.speed.T, drives.known.T)
+    loss.backward()  # type: ignore[no-untyped-call]
+    return float(loss.detach())
 
 
-def _error(motion: Motion, position: Tensor, speed: Tensor, known: Tensor, settings: RolloutSettings) -> Tensor:
-    """The mean over what is known after the start: (row, time) or (row, time, vehicle) each."""
-    then = slice(1, motion.position.shape[1] + 1)
-    far = huber_loss(motion.position, position[:, then], delta=settings.huber, reduction="none")
-    faster = settings.speed_weight * (motion.speed - speed[:, then]).square()
+def _backward_jointly(data: Data, networks: Networks, settings: RolloutSettings, rows: Tensor) -> float:
+    """The loss of these moments; its gradients are added to the weights of both networks."""
+    assert data.moments is not None
+    moments = data.moments.rows(rows)
+    rollout = moments.predicted(Predictor(_policy(networks), "in training"))
+    model = TorchPredictor(data.tables, moments.vehicles, networks)
+
+    def error(motion: Motion) -> Tensor:
+        return _error(settings, motion, moments.position, moments.speed, moments.scored)
+
+    return backward(model, moments.assignment, rollout, error, settings.learns_gaps)
+
+
+def _error(settings: RolloutSettings, motion: Motion, position: Tensor, speed: Tensor, known: Tensor) -> Tensor:
+    """The mean over what is known after the start: (time, row) or (time, moment, vehicle) each."""
+    then = slice(1, len(motion.position) + 1)
+    far = huber_loss(motion.position, position[then], delta=settings.huber, reduction="none")
+    faster = settings.speed_weight * (motion.speed - speed[then]).square()
     error = far + faster + settings.effort_weight * motion.acceleration.square()
-    return (error * known[:, then]).sum() / known[:, then].sum().clamp(min=1)
+    return (error * known[then]).sum() / known[then].sum().clamp(min=1)
+
+
+def _policy(networks: Networks) -> PolicyFile:
+    assert isinstance(networks.driving, DrivingNetwork)
+    assert isinstance(networks.gap, GapNetwork)
+    return driving_policy(policy_file(networks.gap, {}), networks.driving, {})
 
 
 def main(settings: RolloutSettings) -> int:
@@ -248,6 +268,7 @@ def main(settings: RolloutSettings) -> int:
         return train_seeds(main, settings)
     with Command(settings.run / "rollout_gradient.policy") as command:
         decider = gap_decider(settings.decider)
+        gap_network(decider)  # refused, if it decides by a rule, before there is a folder
         places = usable_places(settings.scenes, settings.map)
         hashes: dict[str, Any] = {"scenes": [file_hash(scenes_path(name)) for name in settings.scenes]}
         hashes |= {"gap": gap_hash(decider), "teacher": gap_hash(policy_named(settings.teacher, None)[0])}

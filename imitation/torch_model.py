@@ -14,7 +14,6 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 from torch import Tensor
-from torch.nn.functional import logsigmoid
 
 from imitation.map_tables import MapTables
 from imitation.torch_networks import Networks, View
@@ -87,6 +86,42 @@ class State(NamedTuple):
     asked: Tensor
 
 
+class Seen(NamedTuple):
+    """What vehicles see but for their decisions, their rear bumpers [m], and who leads each: (..., vehicle)."""
+
+    view: View
+    rear: Tensor
+    lead: Tensor
+
+
+class Pairs(NamedTuple):
+    """What pairs are to each other, whoever is held.
+
+    i, j: (..., pair) vehicles. free: (..., pair) bool, active and not assigned. gap: (..., pair, 4), what the gap
+    network sees. told, settled, kept: (..., vehicle) bool, as in `docs/model.md`.
+    """
+
+    i: Tensor
+    j: Tensor
+    free: Tensor
+    gap: Tensor
+    told: Tensor
+    settled: Tensor
+    kept: Tensor
+
+
+class Held(NamedTuple):
+    """Who is held, and by what.
+
+    open: (..., pair) bool, whose gap counts. logit: (..., pair), of accepting it. waits: (..., vehicle) bool, told to
+    or refused.
+    """
+
+    open: Tensor
+    logit: Tensor
+    waits: Tensor
+
+
 class TorchPredictor:
     """Both networks, bound to the traffic of some moments."""
 
@@ -117,60 +152,22 @@ class TorchPredictor:
         *_, last = self.states(assignment)
         return last
 
-    def states(self, assignment: Tensor, learns_gaps: bool = False) -> Iterator[State]:
-        """The next 10 s step by step, as of `predict`; with gradients, where the networks have any.
-
-        learns_gaps: let gradients reach the gap network too, as if accelerations changed with the probability of
-            accepting all gaps, from that of waiting to that of going.
-        """
-        known, tables = self.vehicles, self.tables
+    def states(self, assignment: Tensor) -> Iterator[State]:
+        """The next 10 s step by step, as of `predict`; with gradients, where the networks have any."""
+        known = self.vehicles
         shape = (len(assignment), known.route.shape[1])
-        route, number, route_count = (
-            one.expand(shape) for one in (known.route, tables.number[known.route], tables.route_count[known.route])
-        )
-        i, j = known.i.expand(assignment.shape), known.j.expand(assignment.shape)
-        position, speed = known.position.expand(shape), known.speed.expand(shape)
-        delta, hold = known.delta.expand(shape), torch.full(shape, -1)
-        present, lost, asked = known.present.expand(shape), torch.zeros(shape), torch.zeros(())
-        of_vehicle = torch.zeros(shape)
+        position, speed, delta = (one.expand(shape) for one in (known.position, known.speed, known.delta))
+        hold, present = torch.full(shape, -1), known.present.expand(shape)
+        lost, asked = torch.zeros(shape), torch.zeros(())
         for _ in range(STEPS):
-            front, rear = position + known.half_length, position - known.half_length
-            to_line = self.stop_line - front
-            limit, headings = tables.road(route, position)
-            v_max = torch.minimum(limit, known.max_speed)
-            lead, to_lead, lead_speed = self._leads(position, front, rear, speed, present)
-            # who is told to wait, and who waits
-            active = self._active(assignment, position, rear, present)
-            open_ = active & (assignment == 0) & (hold.gather(1, j) <= self.yielder_number)
-            # in the order of `Gap`
-            seen = (self.end_i - rear.gather(1, i), speed.gather(1, i), to_line.gather(1, j), speed.gather(1, j))
-            logit = self.networks.gap(torch.stack(seen, -1).detach())
-            refused = open_ & (logit <= 0.0)
-
-            def some(flags: Tensor, index: Tensor) -> Tensor:
-                return of_vehicle.scatter_add(1, index, flags.float()) > 0
-
-            told = some(active & (assignment < 0), i) | some(active & (assignment > 0), j)
-            waits = told | some(refused, i)
-            braking = speed.square() / (2.0 * _core.BRAKING)
-            settled = delta & (to_line < braking)
-            kept = some(active & (assignment == 0) & settled.gather(1, i) & ~delta.gather(1, j), j)
-            delta = ~(waits | kept) | settled
-            own = torch.where(delta | ~waits, -1, torch.where(told, route_count, number))
-            queues = (to_lead < LEAD_RANGE) & self._queues_with(lead) & (to_line >= 0.0)
-            hold = torch.maximum(own, torch.where(queues, hold.gather(1, lead), -1))
-            asked = asked + open_.sum()
-            # drive and advance
-            view = View(to_line, speed, v_max, headings, to_lead, lead_speed)
-            acceleration = self.networks.drive(view, delta, max_speed=known.max_speed)
-            if learns_gaps:
-                undecided = ~(told | kept | settled)
-                accepts = of_vehicle.scatter_add(1, i, torch.where(open_, logsigmoid(logit), 0.0)).exp()
-                with torch.no_grad():
-                    otherwise = self.networks.drive(view, ~delta, max_speed=known.max_speed) - acceleration
-                    gained = torch.where(undecided, torch.where(delta, -otherwise, otherwise), 0.0)
-                acceleration = acceleration + gained * (accepts - accepts.detach())
-            lost = lost + torch.where(present, DT * (1.0 - speed / v_max), 0.0)
+            seen = self.seen(position, speed, present)
+            pairs = self.pairs(assignment, seen, position, present, delta)
+            held = self.held(pairs, self.networks.gap(pairs.gap), hold)
+            delta = ~(held.waits | pairs.kept) | pairs.settled
+            hold = self.next_hold(seen, pairs, held, delta, hold)
+            asked = asked + held.open.sum()
+            acceleration = self._acceleration(seen, pairs, held, delta)
+            lost = lost + torch.where(present, DT * (1.0 - speed / seen.view.v_max), 0.0)
             faster = (speed + DT * acceleration).clamp(min=0.0)
             applied = torch.where(present, (faster - speed) / DT, 0.0)
             position = torch.where(present, position + 0.5 * DT * (speed + faster), position)
@@ -178,25 +175,74 @@ class TorchPredictor:
             present = present & (position < self.length)
             yield State(position, speed, applied, present, lost, asked)
 
-    def _queues_with(self, lead: Tensor) -> Tensor:
-        """Whether the lead (moment, vehicle) stops in the same lane."""
-        same = self.same_lane.expand(len(lead), -1, -1)
-        return same.gather(2, lead.unsqueeze(-1)).squeeze(-1)
+    def _acceleration(self, seen: Seen, pairs: Pairs, held: Held, delta: Tensor) -> Tensor:
+        """(..., vehicle) [m/s²]."""
+        return self.networks.drive(seen.view, delta, max_speed=self.vehicles.max_speed)
+
+    def seen(self, position: Tensor, speed: Tensor, present: Tensor) -> Seen:
+        """What all vehicles see at some positions (..., vehicle), but for their decisions."""
+        half = self.vehicles.half_length
+        front, rear = position + half, position - half
+        limit, headings = self.tables.road(self.vehicles.route.expand(position.shape), position)
+        lead, to_lead, lead_speed = self._leads(position, front, rear, speed, present)
+        v_max = torch.minimum(limit, self.vehicles.max_speed)
+        return Seen(View(self.stop_line - front, speed, v_max, headings, to_lead, lead_speed), rear, lead)
+
+    def pairs(self, assignment: Tensor, seen: Seen, position: Tensor, present: Tensor, delta: Tensor) -> Pairs:
+        """What the pairs are to each other; delta (..., vehicle) as remembered."""
+        view, shape = seen.view, (*position.shape[:-1], assignment.shape[-1])
+        i, j = self.vehicles.i.expand(shape), self.vehicles.j.expand(shape)
+        active = self._active(assignment, position, seen.rear, present, i, j)
+        # in the order of `Gap`
+        gap = (
+            self.end_i - seen.rear.gather(-1, i),
+            view.speed.gather(-1, i),
+            view.to_line.gather(-1, j),
+            view.speed.gather(-1, j),
+        )
+        settled = delta & (view.to_line < view.speed.square() / (2.0 * _core.BRAKING))
+        told = _some(active & (assignment < 0), i, settled) | _some(active & (assignment > 0), j, settled)
+        free = active & (assignment == 0)
+        kept = _some(free & settled.gather(-1, i) & ~delta.gather(-1, j), j, settled)
+        return Pairs(i, j, free, torch.stack(gap, -1).detach(), told, settled, kept)
+
+    def held(self, pairs: Pairs, logit: Tensor, hold: Tensor) -> Held:
+        """Whose gaps count, as the foe is not held itself, and who waits.
+
+        logit: (..., pair), of accepting the gap. hold: (..., vehicle), as remembered.
+        """
+        open_ = pairs.free & (hold.gather(-1, pairs.j) <= self.yielder_number)
+        return Held(open_, logit, pairs.told | _some(open_ & (logit <= 0.0), pairs.i, pairs.told))
+
+    def next_hold(self, seen: Seen, pairs: Pairs, held: Held, delta: Tensor, hold: Tensor) -> Tensor:
+        """Whom each vehicle holds up from now on, itself or through its queue."""
+        route = self.vehicles.route
+        mine = torch.where(pairs.told, self.tables.route_count[route], self.tables.number[route])
+        own = torch.where(delta | ~held.waits, -1, mine)
+        same = self.same_lane.expand(*hold.shape, -1).gather(-1, seen.lead.unsqueeze(-1)).squeeze(-1)
+        queues = (seen.view.to_lead < LEAD_RANGE) & same & (seen.view.to_line >= 0.0)
+        return torch.maximum(own, torch.where(queues, hold.gather(-1, seen.lead), -1))
 
     def _leads(
         self, position: Tensor, front: Tensor, rear: Tensor, speed: Tensor, present: Tensor
     ) -> tuple[Tensor, Tensor, Tensor]:
         """Each vehicle's lead, the distance to it [m] and its speed [m/s]."""
-        ahead = position[:, None, :] - self.offset - position[:, :, None]
-        before_split = (rear[:, :, None] < self.split) & (rear[:, None, :] < self.split)
-        leads = present[:, None, :] & (ahead > 0.0) & (before_split | (front[:, None, :] > self.merge))
+        ahead = position[..., None, :] - self.offset - position[..., :, None]
+        before_split = (rear[..., :, None] < self.split) & (rear[..., None, :] < self.split)
+        leads = present[..., None, :] & (ahead > 0.0) & (before_split | (front[..., None, :] > self.merge))
         gap, lead = torch.where(leads, ahead - self.half_lengths, torch.inf).min(-1)
         near = gap <= LEAD_RANGE
-        return lead, torch.where(near, gap, LEAD_RANGE), torch.where(near, speed.gather(1, lead), FREE_LEAD_SPEED)
+        return lead, torch.where(near, gap, LEAD_RANGE), torch.where(near, speed.gather(-1, lead), FREE_LEAD_SPEED)
 
-    def _active(self, assignment: Tensor, position: Tensor, rear: Tensor, present: Tensor) -> Tensor:
-        i, j = self.vehicles.i.expand(assignment.shape), self.vehicles.j.expand(assignment.shape)
-        yielder_second = (rear.gather(1, i) < self.end_i) & (position.gather(1, j) < self.end_j)
-        yielder_first = (rear.gather(1, j) < self.end_j) & (position.gather(1, i) < self.end_i)
-        both = present.gather(1, i) & present.gather(1, j)
+    def _active(
+        self, assignment: Tensor, position: Tensor, rear: Tensor, present: Tensor, i: Tensor, j: Tensor
+    ) -> Tensor:
+        yielder_second = (rear.gather(-1, i) < self.end_i) & (position.gather(-1, j) < self.end_j)
+        yielder_first = (rear.gather(-1, j) < self.end_j) & (position.gather(-1, i) < self.end_i)
+        both = present.gather(-1, i) & present.gather(-1, j)
         return both & torch.where(assignment > 0, yielder_first, yielder_second)
+
+
+def _some(flags: Tensor, index: Tensor, like: Tensor) -> Tensor:
+    """(..., vehicle) bool: whether any of the pairs (..., pair) of a vehicle by this index has the flag."""
+    return torch.zeros(like.shape).scatter_add(-1, index, flags.float()) > 0

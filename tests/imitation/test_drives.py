@@ -83,10 +83,10 @@ def test_free_drives_move_as_the_core_predicts(name: str, scenes: Scenes, tables
     free = free_drives(tables, free_examples([scenes], predictor, 40, np.random.default_rng(0)))
     with torch.no_grad():
         motion = free.driven(tables, networks(driving_network(predictor.policy)), STEPS)
-    known = free.known[:, 1:]
+    known = free.known[:, 1:].T
     assert not bool(known.all()), "nobody leaves the map, or comes into view"
-    torch.testing.assert_close(motion.position[known], free.position[:, 1:][known], atol=2e-3, rtol=0.0)
-    torch.testing.assert_close(motion.speed[known], free.speed[:, 1:][known], atol=2e-3, rtol=0.0)
+    torch.testing.assert_close(motion.position[known], free.position[:, 1:].T[known], atol=2e-3, rtol=0.0)
+    torch.testing.assert_close(motion.speed[known], free.speed[:, 1:].T[known], atol=2e-3, rtol=0.0)
     assert free.speed[:, 0].min() == 0.0
 
 
@@ -102,16 +102,16 @@ def test_behind_a_standing_lead_it_stops(scenes: Scenes, tables: MapTables) -> N
             return torch.full(features.shape[:-1], 3.0)
 
     motion = start.driven(tables, networks(Faster()), STEPS)
-    gap = rear[0, 0] - motion.position[0, -1] - start.half_length[0]
+    gap = rear[0, 0] - motion.position[-1, 0] - start.half_length[0]
     assert 0.4 < float(gap) < 1.5
-    assert float(motion.speed[0, -1]) < 0.2
+    assert float(motion.speed[-1, 0]) < 0.2
 
 
 def test_gradients_reach_the_driver_and_are_finite(scenes: Scenes, tables: MapTables) -> None:
     drives = recorded_drives(tables, [scenes], "train", 4.0)
     driver = DrivingNetwork()
     motion = drives.driven(tables, networks(driver), STEPS)
-    ((motion.position - drives.position[:, 1:]) * drives.known[:, 1:]).square().mean().backward()  # type: ignore[no-untyped-call]
+    ((motion.position.T - drives.position[:, 1:]) * drives.known[:, 1:]).square().mean().backward()  # type: ignore[no-untyped-call]
     for weights in driver.parameters():
         assert weights.grad is not None
         assert bool(weights.grad.isfinite().all())

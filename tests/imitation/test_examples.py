@@ -1,0 +1,68 @@
+"""What predictions should come to: recorded moments as they are, and free drives only where nobody is recorded."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from imitation.examples import Example, free_examples, recorded_examples
+from intersection_env import Predictor, Scenes
+from intersection_env.evaluation.moments import SCORED, moments_of
+from tests.support.scenes import small_scenes
+
+
+@pytest.fixture(scope="module")
+def scenes() -> Scenes:
+    return small_scenes("train")
+
+
+@pytest.fixture(scope="module")
+def free(scenes: Scenes) -> list[Example]:
+    return free_examples([scenes], Predictor.load("idm_calibrated"), 200, np.random.default_rng(0))
+
+
+def test_recorded_examples_hold_what_became_of_a_moment(scenes: Scenes) -> None:
+    moments = moments_of(scenes, every=10.0)[0]
+    assert len(moments) > 5
+    for moment, one in zip(moments, recorded_examples(moments), strict=True):
+        known = ~np.ma.getmaskarray(moment.recorded)
+        np.testing.assert_array_equal(one.position[known], moment.recorded.data[known])
+        np.testing.assert_array_equal(one.speed[0], moment.traffic.speed)
+        for i, track in enumerate(moment.tracks()):
+            steps = int(one.scored[:, i].sum())
+            assert steps == 0 or track.road_user in SCORED
+            assert not one.scored[:, i].any() or known[0, i], "who is not recorded now does not count"
+            np.testing.assert_array_equal(one.scored[:, i] & ~known[:, i], False)
+            end = moment.future(track)
+            np.testing.assert_array_equal(one.speed[: len(track.speed[end]), i], track.speed[end])
+
+
+def test_free_drives_begin_and_count_where_nobody_is_recorded(scenes: Scenes, free: list[Example]) -> None:
+    first: dict[int, float] = {}
+    for track in (track for scene in scenes for track in scene.tracks if track.road_user in SCORED):
+        if track.observed.any():
+            first[track.route] = min(first.get(track.route, np.inf), float(track.position[track.observed].min()))
+    before = behind = 0
+    for one in free:
+        route = scenes.intersection.routes[int(one.traffic.route[0])]
+        begin = first.get(route.index, route.junction[0])
+        counts = one.position[one.scored[:, 0], 0]
+        assert len(counts) > 5
+        assert bool(np.all((counts < begin) | (counts > route.junction[1])))
+        assert one.scored[0, 0], "it begins where nobody is recorded"
+        before, behind = before + (counts[0] < begin), behind + (counts[0] > route.junction[1])
+    assert min(before, behind) > 30
+
+
+def test_one_free_drive_in_five_begins_at_a_standstill_and_none_too_fast(scenes: Scenes, free: list[Example]) -> None:
+    speed = np.array([one.traffic.speed[0] for one in free])
+    assert 0.1 < float((speed == 0.0).mean()) < 0.3
+    assert float(speed.max()) <= max(float(route.samples[:, 4].max()) for route in scenes.intersection.routes)
+
+
+def test_free_drives_are_the_teachers(scenes: Scenes, free: list[Example]) -> None:
+    teacher = Predictor.load("idm_calibrated")
+    for one in free[:10]:
+        np.testing.assert_array_equal(one.position, teacher.predict(one.traffic).position[0])
+    others = free_examples([scenes], teacher, 3, np.random.default_rng(1))
+    assert float(others[0].position[0, 0]) != float(free[0].position[0, 0])

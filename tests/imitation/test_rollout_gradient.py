@@ -1,0 +1,82 @@
+"""Training by the gradient of rollouts: it learns, the gap network only when it should, and rates rise and fall."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from agents.networks.driving import DrivingNetwork
+from agents.training.folder import METRICS, RunFolder
+from imitation.replay_error import constant_velocity_network, replay_error
+from imitation.rollout_gradient import PROFILES, RolloutSettings, _rate, main, train_driver
+from intersection_env import Predictor, Scenes
+from intersection_env.policies.file import PolicyFile
+from tests.support.scenes import small_scenes
+from tests.support.trainings import TINY_ROLLOUT
+
+QUICK = replace(TINY_ROLLOUT, epochs=30, alone_share=1.0, every=1.0, drives=128, checkpoint_every=30)
+
+
+@pytest.fixture(scope="module")
+def scenes() -> Scenes:
+    return small_scenes("train", "development", each=2)
+
+
+def test_a_few_seconds_of_training_beat_constant_velocity(scenes: Scenes, tmp_path: Path) -> None:
+    folder = RunFolder.begin(tmp_path, {}, "", resume=False)
+    driver, _ = train_driver([scenes], QUICK, folder, progress=False)
+    losses = [json.loads(line)["loss"] for line in (tmp_path / METRICS).read_text().splitlines()]
+    assert losses[-1] < 0.3 * losses[0]
+    learned, untrained, steady = (
+        replay_error(one, scenes, "development", within_limits=True, steps=20).rmse
+        for one in (driver, DrivingNetwork(), constant_velocity_network())
+    )
+    assert learned is not None
+    assert untrained is not None
+    assert steady is not None
+    assert learned < min(untrained, steady)
+
+
+@pytest.mark.parametrize(
+    ("change", "learns"),
+    [({}, True), ({"learns_gaps": False}, False), ({"alone_share": 1.0}, False)],
+    ids=["jointly", "told not to", "alone"],
+)
+def test_the_gap_network_learns_in_joint_rollouts_only(
+    change: dict[str, object], learns: bool, scenes: Scenes, tmp_path: Path
+) -> None:
+    scenes.save(tmp_path / "scenes.npz")
+    settings = replace(TINY_ROLLOUT, scenes=(tmp_path / "scenes.npz",), run=tmp_path / "run", **change)  # type: ignore[arg-type]
+    assert main(settings) == 0
+    written = PolicyFile.read(settings.run / "rollout_gradient.policy")
+    begun, learned = Predictor.load("gap").policy.gap_network, written.gap_network
+    assert begun is not None
+    assert learned is not None
+    pairs = zip(begun.layers, learned.layers, strict=True)
+    same = all(np.array_equal(one[k], other[k]) for one, other in pairs for k in (0, 1))
+    assert same != learns
+
+
+def test_rates_rise_and_fall_in_both_parts() -> None:
+    settings = RolloutSettings(epochs=10, alone_share=0.4)
+    assert settings.alone_epochs == 4
+    for epoch, highest in ((1, settings.learning_rate), (5, settings.joint_learning_rate)):
+        first, most, last = (_rate(settings, epoch, share) for share in (0.0, 0.2, 1.0))
+        assert most == highest
+        assert first == pytest.approx(0.1 * highest)
+        assert last == pytest.approx(0.02 * highest)
+
+
+def test_the_profile_alone_has_no_joint_rollouts() -> None:
+    _, alone = PROFILES["alone"]
+    assert alone.alone_epochs == alone.epochs
+
+
+def test_a_decider_without_a_gap_network_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(replace(TINY_ROLLOUT, run=tmp_path / "run", decider="sumo")) == 1
+    assert "gap network" in capsys.readouterr().err
+    assert not (tmp_path / "run").exists()
