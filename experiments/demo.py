@@ -29,7 +29,7 @@ from intersection_env.prediction.predictor import Prediction, Predictor
 from intersection_env.scenes.scenes import Scenes
 from intersection_env.traffic import Traffic
 
-MODELS = ("constant_velocity", "idm", "gap", "idm_calibrated", "ppo", "gail")
+MODELS = ("constant_velocity", "idm", "gap", "idm_calibrated", "ppo", "gail", "rollout_gradient")
 ROWS = 10
 
 

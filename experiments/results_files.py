@@ -17,7 +17,7 @@ RESULTS = (
     "horizon_validation", "replay_development", "maneuvers_validation", "closed_loop", "places", "runtime",
     "default", "reproduced",
 )  # fmt: skip
-OPTIONAL = ("ablations",)
+OPTIONAL = ("ablations", "replay_validation")
 DIGITS = 6  # of floats
 
 

@@ -203,7 +203,7 @@ class Options:
     """The maps (files) of scenes on maps that do not ship."""
     split: Literal["development", "validation"] = "development"
     """What to measure on; validation is for the report only."""
-    policies: tuple[str, ...] = ("gail", "ppo", "gap", "idm_calibrated", "constant_velocity")
+    policies: tuple[str, ...] = ("rollout_gradient", "gail", "ppo", "gap", "idm_calibrated", "constant_velocity")
     """Names of shipped policies or rules, or policy files."""
     out: Path = Path("experiments/results")
     """The folder of the results file."""

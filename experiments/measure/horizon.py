@@ -9,8 +9,9 @@ python -m experiments.horizon --split validation     for the report, once
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any, Literal
 
@@ -18,8 +19,9 @@ import numpy as np
 from numpy.typing import NDArray
 from tqdm import tqdm
 
+from experiments.measure.order_handed_in import OrderHandedIn
 from experiments.results_files import write_result
-from experiments.show.horizon import QUANTITIES, errors_text, plot_errors
+from experiments.show.horizon import QUANTITIES, errors_text, order_handed_in_text, plot_errors
 from intersection_env.constants import DT, STEPS
 from intersection_env.evaluation.errors import (
     AT_HORIZON,
@@ -44,7 +46,8 @@ Names = NDArray[np.str_]
 
 REFERENCES = ("idm", "idm_calibrated", "constant_velocity")
 """Models that the others are compared with, as a ratio of errors on the same samples."""
-LAST = STEPS  # 10 s
+AT = {"at_4s": round(4.0 / DT), "at_10s": STEPS}
+"""By what results call it, the step at which errors have intervals."""
 FIGURES: dict[str, Callable[[Floats], float]] = {
     "rmse": lambda values: float(np.sqrt(np.mean(values**2))),
     "mad": lambda values: float(np.median(np.abs(values))),
@@ -62,8 +65,10 @@ class Options:
     """Scenes that ship (names), or scenes files, which `python -m data.build` makes; of one place or several."""
     map: tuple[str, ...] = ()
     """The maps (files) of scenes on maps that do not ship."""
-    policies: tuple[str, ...] = ("gail", "ppo", "gap", "idm_calibrated", "constant_velocity")
+    policies: tuple[str, ...] = ("rollout_gradient", "gail", "ppo", "gap", "idm_calibrated", "constant_velocity")
     """Names of shipped policies or rules, or policy files."""
+    order_handed_in: tuple[str, ...] = ("rollout_gradient", "gail", "idm_calibrated")
+    """Likewise, those that predict once more, with the recorded crossing order handed in."""
     split: Literal["development", "validation"] = "development"
     """What to measure on; validation is for the report only."""
     out: Path = Path("experiments/results")
@@ -72,23 +77,27 @@ class Options:
     """Where to draw the errors over the horizon (.png, .svg, .pdf)."""
 
 
-def horizon_results(found: dict[str, Errors]) -> dict[str, Any]:
+def horizon_results(found: Mapping[str, Errors], references: Sequence[str] = REFERENCES) -> dict[str, Any]:
     """What the errors of several models on the same moments come to, of "distance" [m] and "time_loss" [s].
+
+    Args:
+        found: by model.
+        references: models that the others are compared with.
 
     Returns:
         "time" [s]. Under "models", by model: for each of `AT_HORIZON`, the figures `rmse`, `mad` (median of the
         absolute error), `q80` (80 % quantile of it), `median_deviation` (from the median error, the other reading of
         MAD) and `bias` (mean error) at each time, with the "count" of samples; the same "until_last_seen", one each,
         and for those "last_seen" within the 2 s up to each of its "horizon" [s]; None where there are no samples; and
-        their "speed_behind" the junction, "predicted" and "recorded" [m/s]. Under "at_10s" for those
-        recorded at the start and after 10 s, and under "until_last_seen", by model: intervals over recordings of the
-        figures in `FIGURES`, and of the ratios to each of `REFERENCES`.
+        their "speed_behind" the junction, "predicted" and "recorded" [m/s]. Under each of `AT` for those
+        recorded at the start and then, and under "until_last_seen", by model: intervals over recordings of the figures
+        in `FIGURES`, and of the ratios to each of the references.
     """
     return {
         "time": [round(k * DT, 1) for k in range(STEPS + 1)],
         "models": {name: _of_model(of_model) for name, of_model in found.items()},
-        "at_10s": {name: _intervals(found, name, _at_10s) for name in found},
-        UNTIL_LAST_SEEN: {name: _intervals(found, name, Errors.until_last_seen) for name in found},
+        **{one: _every_interval(found, references, partial(_at, step)) for one, step in AT.items()},
+        UNTIL_LAST_SEEN: _every_interval(found, references, Errors.until_last_seen),
     }
 
 
@@ -107,10 +116,14 @@ def _of_model(found: Errors) -> dict[str, Any]:
     groups = [found.seen_up_to(horizon) for horizon in HORIZONS]
     by_time = {key: [values[group].compressed() for group in groups] for key, values in last.items()}
     result[LAST_SEEN] = {"horizon": list(HORIZONS), **_curves(by_time)}
+    result["speed_behind"] = _speeds_behind(found)
+    return result
+
+
+def _speeds_behind(found: Errors) -> dict[str, float | None]:
     speeds = {"predicted": found.behind, "recorded": found.recorded_behind}
     scored = ~np.ma.getmaskarray(found.last_seen())
-    result["speed_behind"] = {key: mean_speed(one[:, scored]) for key, one in speeds.items()}
-    return result
+    return {key: mean_speed(one[:, scored]) for key, one in speeds.items()}
 
 
 def _curves(samples: dict[str, list[Floats]]) -> dict[str, Any]:
@@ -134,18 +147,25 @@ def _figures(values: Floats) -> dict[str, float]:
     }
 
 
-def _at_10s(found: Errors, quantity: str) -> MaskedFloats:
+def _at(step: int, found: Errors, quantity: str) -> MaskedFloats:
     """(sample,), masked where it is not recorded at the start and then."""
     values: Floats = getattr(found, quantity)
-    return np.ma.masked_array(values[LAST], ~found.of("recorded", LAST))
+    return np.ma.masked_array(values[step], ~found.of("recorded", step))
+
+
+def _every_interval(
+    found: Mapping[str, Errors], references: Sequence[str], samples: Callable[[Errors, str], MaskedFloats]
+) -> dict[str, Any]:
+    """By model."""
+    present = [one for one in references if one in found]
+    return {name: _intervals(found, name, [one for one in present if one != name], samples) for name in found}
 
 
 def _intervals(
-    found: dict[str, Errors], name: str, samples: Callable[[Errors, str], MaskedFloats]
+    found: Mapping[str, Errors], name: str, others: Sequence[str], samples: Callable[[Errors, str], MaskedFloats]
 ) -> dict[str, dict[str, float] | None]:
     """Of a model's figures, and of their ratios to other models' figures; None where the other has no error."""
     result: dict[str, dict[str, float] | None] = {}
-    others = [other for other in REFERENCES if other in found and other != name]
     for quantity in QUANTITIES:
         of = {one: samples(found[one], quantity) for one in (name, *others)}
         chosen = ~np.ma.getmaskarray(of[name])
@@ -161,7 +181,9 @@ def _intervals(
 
 
 def _interval(recording: Names, errors: list[Floats], figure: str) -> dict[str, float] | None:
-    """Of the figure of one model's errors (sample,), or of the ratio of two models' figures."""
+    """Of the figure of one model's errors (sample,), or of the ratio of two models' figures; None without samples."""
+    if not len(recording):
+        return None
     rows, of = np.stack(errors, axis=1), FIGURES[figure]
 
     def statistic(samples: Floats) -> float:
@@ -174,22 +196,42 @@ def _interval(recording: Names, errors: list[Floats], figure: str) -> dict[str, 
         return None
 
 
-def measured(forecasters: Sequence[Forecaster], moments: Sequence[Moment]) -> dict[str, Any]:
+def measured(
+    forecasters: Sequence[Forecaster], moments: Sequence[Moment], informed: Sequence[Predictor] = ()
+) -> dict[str, Any]:
     """The results of these models from these moments.
+
+    Args:
+        forecasters: predict without intervention.
+        moments: to predict from.
+        informed: predict with the recorded order handed in; their results are under "order_handed_in".
 
     Raises:
         ValueError: there is no moment to predict from.
     """
     found = {one.name: errors(one, moments) for one in tqdm(forecasters, desc="models", disable=None)}
-    return {"moments": len(moments), **horizon_results(found)}
+    return {"moments": len(moments), **horizon_results(found), "order_handed_in": _handed_in(informed, moments)}
+
+
+def _handed_in(predictors: Sequence[Predictor], moments: Sequence[Moment]) -> dict[str, Any]:
+    """With the recorded order handed in: as of `horizon_results`, until last seen; "refused", by model, moments."""
+    informed = OrderHandedIn.to(predictors, moments)
+    found = {one.name: errors(one, moments) for one in informed}
+    return {
+        UNTIL_LAST_SEEN: _every_interval(found, REFERENCES, Errors.until_last_seen),
+        "models": {name: {"speed_behind": _speeds_behind(of_model)} for name, of_model in found.items()},
+        "refused": {one.name: one.refused for one in informed},
+    }
 
 
 def main(options: Options) -> int:
     """Measures as told, prints the table, writes the results; returns the exit status."""
     try:
         moments, refused = moments_in(load_places(options.scenes, options.map), options.split)
-        results = measured([Predictor.load(policy) for policy in options.policies], moments)
+        models, informed = ([Predictor.load(one) for one in of] for of in (options.policies, options.order_handed_in))
+        results = measured(models, moments, informed)
         print(errors_text(results))
+        print(order_handed_in_text(results))
         if options.figure:
             write_figure(plot_errors(results, {name: name for name in results["models"]}), options.figure)
         write_result(

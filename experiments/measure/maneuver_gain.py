@@ -24,6 +24,7 @@ from intersection_env.evaluation.intervals import interval
 from intersection_env.evaluation.moments import Moment, contested, thinned
 from intersection_env.evaluation.places import moments_in
 from intersection_env.plots.files import write_figure
+from intersection_env.policies.named import DEFAULT
 from intersection_env.prediction.maneuvers import COUNT_LIMIT, LIMIT, rank_maneuvers
 from intersection_env.prediction.predictor import Predictor
 from intersection_env.scenes.places import PAPERS_SCENES, load_places
@@ -152,7 +153,7 @@ class Options:
     """Scenes that ship (names), or scenes files, which `python -m data.build` makes; of one place or several."""
     map: tuple[str, ...] = ()
     """The maps (files) of scenes on maps that do not ship."""
-    policy: str = "gail"
+    policy: str = DEFAULT
     """A shipped policy, a rule, or a policy file."""
     split: Literal["development", "validation"] = "development"
     """What to measure on; validation is for the report only."""

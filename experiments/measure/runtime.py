@@ -48,7 +48,7 @@ Case = Callable[[Traffic], Callable[[], object]]
 class Options:
     """Runtimes over the number of vehicles."""
 
-    policy: str = "gail"
+    policy: str = "rollout_gradient"
     """A policy file with both networks, or the name of a shipped one."""
     scenes: int = 2000
     """How many random scenes for each number of vehicles."""

@@ -47,7 +47,7 @@ class Options:
     accelerations stand beside."""
     map: tuple[str, ...] = ()
     """The maps (files) of scenes on maps that do not ship."""
-    policies: tuple[str, ...] = ("ppo", "gail")
+    policies: tuple[str, ...] = ("ppo", "gail", "rollout_gradient")
     """Names of shipped policies, or policy files, with a driving network."""
     gaps: tuple[str, ...] = ("gap", "critical_gap")
     """Who decides about gaps, in turn."""

@@ -14,6 +14,15 @@ Json = Mapping[str, Any]
 MEASURED_AS = {"gap": "idm"}
 """Policies that measurements know by another name: the paper's IDM with our gap network."""
 
+COMPARED = ("gail", "gap", "idm_calibrated")
+"""Policies that the paper's figures are of, or taken relative to: as the default they need no second row."""
+ROLLOUTS = "rollout_gradient"
+COMMANDS = {
+    name: f"python -m experiments.{name} --split validation --out out"  # not into the results of `make reproduce`
+    for name in ("gap", "crossing_order", "horizon")
+}
+HORIZON = COMMANDS["horizon"]
+
 percent = partial(in_percent, unit="%")
 
 
@@ -35,60 +44,88 @@ class Row:
 
 
 def headlines(results: Json) -> Iterator[Row]:
-    """The paper's figures in its order."""
+    """The paper's figures in its order, of its driver and of a default that learned to drive too; then ours."""
     gap = results["gap_validation"]["foes"]["recorded"]["models"]
     lead = gap["sumo"]["network_minus"]["accuracy"]
-    commands = {
-        name: f"python -m experiments.{name} --split validation --out out"  # not into the results of `make reproduce`
-        for name in ("gap", "crossing_order", "horizon")
-    }
-    yield Row("gap decision right, frames", "94.5 %", percent(gap["network"]["accuracy"]), command=commands["gap"])
-    yield Row("the same by SUMO's rule", "86.0 %", percent(gap["sumo"]["accuracy"]), command=commands["gap"])
+    yield Row("gap decision right, frames", "94.5 %", percent(gap["network"]["accuracy"]), command=COMMANDS["gap"])
+    yield Row("the same by SUMO's rule", "86.0 %", percent(gap["sumo"]["accuracy"]), command=COMMANDS["gap"])
     yield Row(
-        "network minus SUMO's rule", "8.5 %", percent(lead), "above 0, all of it", lead["low"] > 0.0, commands["gap"]
+        "network minus SUMO's rule", "8.5 %", percent(lead), "above 0, all of it", lead["low"] > 0.0, COMMANDS["gap"]
     )
-    order = results["order_validation"]["recorded"]["models"]["gail"]
-    right = order["accuracy"]
-    order_command = commands["crossing_order"]
-    met = right["value"] >= 0.836
-    yield Row("crossing order right", "83.6 %", percent(right), "at least 83.6 %", met, order_command)
+    order = results["order_validation"]["recorded"]["models"]
+    default = results["default"]["default"]
+    beside = f", default ({default})" if default not in COMPARED else None
+    yield _order_row(order["gail"])
     for other, name in (("priority_first", "priority first"), ("sumo_rule", "SUMO's rule")):
-        minus = order["minus"][other]
-        yield Row(f"that minus {name}", "", percent(minus), "above 0", minus["value"] > 0.0, order_command)
-    gail = results["horizon_validation"]["at_10s"]["gail"]
-    for key, what, paper, unit in (
-        ("distance_rmse", "distance RMSE at 10 s", "14 m", "m"),
-        ("distance_mad", "distance MAD at 10 s", "6 m", "m"),
-    ):
-        yield Row(what, paper, in_unit(gail[key], unit), command=commands["horizon"])
-        figure = what.split()[1]
-        paper_ratio = {"distance_rmse": "0.6", "distance_mad": "0.8"}[key]
-        to_idm, to_best = gail[f"{key}_to_idm"], gail[f"{key}_to_idm_calibrated"]
-        met = to_idm["value"] <= float(paper_ratio)
-        yield Row(f"... its {figure} to the IDM's", paper_ratio, in_unit(to_idm), f"at most {paper_ratio}", met)
-        met = to_best["value"] <= 0.8
-        yield Row(
-            f"... its {figure} to the calibrated IDM's", "", in_unit(to_best), "at most 0.8", met, commands["horizon"]
-        )
-    lost = gail["time_loss_rmse"]
-    met = lost["value"] <= 1.2
-    yield Row("time-loss RMSE at 10 s", "2.0 s", in_unit(lost, "s"), "at most 1.2 s", met, commands["horizon"])
-    yield Row("time-loss 80 % quantile", "2.3 s", in_unit(gail["time_loss_q80"], "s"), command=commands["horizon"])
-    yield from _until_last_seen_rows(results["horizon_validation"], results["default"]["default"], commands["horizon"])
+        minus = order["gail"]["minus"][other]
+        met = minus["value"] > 0.0
+        yield Row(f"that minus {name}", "", percent(minus), "above 0", met, COMMANDS["crossing_order"])
+    if beside:
+        yield _order_row(order[default], beside)
+    at_10s = results["horizon_validation"]["at_10s"]
+    yield from _at_10s_rows(at_10s["gail"])
+    yield Row("time-loss 80 % quantile", "2.3 s", in_unit(at_10s["gail"]["time_loss_q80"], "s"), command=HORIZON)
+    if beside:
+        yield from _at_10s_rows(at_10s[default], beside)
+    yield from _until_last_seen_rows(results["horizon_validation"], default)
+    if ROLLOUTS in at_10s:
+        yield from _rollout_rows(results["horizon_validation"], results["replay_validation"]["within_limits"])
     yield from _closed_loop_rows(results["closed_loop"]["drivers"]["ppo"]["gap"])
     yield from _runtime_rows(results["runtime"])
 
 
-def _until_last_seen_rows(horizon: Json, default: str, command: str) -> Iterator[Row]:
+def _order_row(model: Json, whose: str = "") -> Row:
+    right = model["accuracy"]
+    met = right["value"] >= 0.836
+    what = f"crossing order right{whose}"
+    return Row(what, "83.6 %", percent(right), "at least 83.6 %", met, COMMANDS["crossing_order"])
+
+
+def _at_10s_rows(model: Json, whose: str = "") -> Iterator[Row]:
+    for key, figure, paper, paper_ratio in (("rmse", "RMSE", "14 m", "0.6"), ("mad", "MAD", "6 m", "0.8")):
+        ours = in_unit(model[f"distance_{key}"], "m")
+        yield Row(f"distance {figure} at 10 s{whose}", paper, ours, command=HORIZON)
+        to_idm, to_best = (model[f"distance_{key}_to_{other}"] for other in ("idm", "idm_calibrated"))
+        met = to_idm["value"] <= float(paper_ratio)
+        what = f"... its {figure} to the IDM's{whose}"
+        yield Row(what, paper_ratio, in_unit(to_idm), f"at most {paper_ratio}", met)
+        yield _ratio_row(f"... its {figure} to the calibrated IDM's{whose}", to_best, 0.8)
+    lost = model["time_loss_rmse"]
+    met = lost["value"] <= 1.2
+    yield Row(f"time-loss RMSE at 10 s{whose}", "2.0 s", in_unit(lost, "s"), "at most 1.2 s", met, HORIZON)
+
+
+def _ratio_row(what: str, ratio: Json, most: float) -> Row:
+    return Row(what, "", in_unit(ratio), f"at most {most:g}", ratio["value"] <= most, HORIZON)
+
+
+def _rollout_rows(horizon: Json, alone: Json) -> Iterator[Row]:
+    """The rollout gradient's errors beside others', each with our own bar."""
+    name, calibrated = "rollout gradient", "the calibrated IDM's"
+    for times, results, bars in (
+        ("until last seen", horizon["until_last_seen"], {"rmse": 0.85, "mad": 0.45}),
+        ("recorded order handed in", horizon["order_handed_in"]["until_last_seen"], {"rmse": 0.7}),
+        ("at 4 s", horizon["at_4s"], {"rmse": 0.7, "mad": 0.4}),
+    ):
+        for key, most in bars.items():
+            ratio = results[ROLLOUTS][f"distance_{key}_to_idm_calibrated"]
+            yield _ratio_row(f"{name}, {times}: {key.upper()} to {calibrated}", ratio, most)
+    for key, time, most in (("at_4s", "4 s", 0.45), ("at_10s", "10 s", 0.9)):
+        share = alone[ROLLOUTS][key]["rmse"] / alone["gail"][key]["rmse"]
+        what = f"{name}, alone within limits, recorded order, {time}: RMSE to GAIL's"
+        yield Row(what, "", f"{share:.2f}", f"at most {most:g}", share <= most)
+
+
+def _until_last_seen_rows(horizon: Json, default: str) -> Iterator[Row]:
     """The default's errors, of everyone recorded at the start when it was last seen, beside constant velocity's."""
     row = horizon["until_last_seen"][MEASURED_AS.get(default, default)]
     for key, name in (("rmse", "RMSE"), ("mad", "MAD")):
         of_default = in_unit(row[f"distance_{key}"], "m")
-        yield Row(f"until last seen, {name} of the default ({default})", "", of_default, command=command)
+        yield Row(f"until last seen, {name} of the default ({default})", "", of_default, command=HORIZON)
         ratio = row[f"distance_{key}_to_constant_velocity"]
         met = ratio["value"] < 1.0
-        yield Row(f"... its {name} to constant velocity's", "", in_unit(ratio), "below 1", met, command)
-    yield Row("... its bias", "", in_unit(row["distance_bias"], "m"), command=command)
+        yield Row(f"... its {name} to constant velocity's", "", in_unit(ratio), "below 1", met, HORIZON)
+    yield Row("... its bias", "", in_unit(row["distance_bias"], "m"), command=HORIZON)
 
 
 def _closed_loop_rows(run: Json) -> Iterator[Row]:

@@ -22,6 +22,7 @@ from experiments.report.tables import (
     errors_table,
     extrapolated_table,
     last_seen_table,
+    order_handed_in_table,
     replay_table,
     report_table,
     until_last_seen_table,
@@ -42,6 +43,9 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 Json = Mapping[str, Any]
+
+DRIVERS = ("ppo", "gail", "rollout_gradient")
+"""Whose accelerations are drawn."""
 
 
 def write_report(out: Path) -> None:
@@ -68,13 +72,15 @@ def write_report(out: Path) -> None:
 
 
 def _figures(results: Json) -> dict[str, Figure]:
-    horizon = results["horizon_validation"]
+    horizon, run = results["horizon_validation"], results["closed_loop"]
     drawn = {one: name for one, name in NAMES.items() if one in horizon["models"] and one != "idm_critical_gap"}
     return {
         "horizon": plot_errors(horizon, drawn),
         "runtime": plot_runtimes(results["runtime"]),
         "maneuvers": plot_gain(results["maneuvers_validation"]),
-        "accelerations": plot_accelerations(results["closed_loop"], {name: NAMES[name] for name in ("ppo", "gail")}),
+        "accelerations": plot_accelerations(
+            run, {name: NAMES[name] for name in DRIVERS if name in run["acceleration"]}
+        ),
     }
 
 
@@ -126,8 +132,17 @@ def _sections(results: Json) -> Iterator[str]:
     yield until_last_seen_table(validation)
     yield "By when they were last seen:"
     yield last_seen_table(validation)
+    if "order_handed_in" in validation:
+        yield (
+            "With the recorded crossing order handed in, where it is known, so that what is left is not the gap"
+            " decision's; where a prediction must refuse it (it contradicts the order in a lane, or what a vehicle can"
+            " still do) nothing is handed in:"
+        )
+        yield order_handed_in_table(validation)
     yield "The same on development, with every seed:"
     yield until_last_seen_table(development)
+    if "order_handed_in" in development:
+        yield order_handed_in_table(development)
     yield (
         "The default policy is the one of least RMSE until last seen on development, of those that pass the gates"
         " (`intersection_env/evaluation/gates.py`):"
@@ -136,13 +151,19 @@ def _sections(results: Json) -> Iterator[str]:
     yield "## Distance and time loss\n\nAfter 10 s, vehicles recorded at the start and then, validation:"
     yield errors_table(validation)
     yield "![Errors over the horizon](figures/horizon.svg)"
+    if "at_4s" in validation:
+        yield "The same after 4 s:"
+        yield errors_table(validation, "at_4s")
     yield "Vehicles that are extrapolated at the start, built from their own future:"
     yield extrapolated_table(validation)
     yield "The same on development, by which all choices were made, with every seed:"
     yield errors_table(development)
-    yield "Driving alone among recorded vehicles with the recorded order, development:"
-    yield replay_table(results["replay_development"])
-    yield "## Closed loop\n\n12 vehicles, 20 worlds for 2000 s each; drivers act by their mean, without limits:"
+    yield from _alone(results)
+    yield (
+        "## Closed loop\n\n12 vehicles, 20 worlds for 2000 s each; drivers act by their mean, without limits. The"
+        " rollout gradient's has never driven without them, and GAIL's pays next to nothing for a collision: both"
+        " are drivers for predictions."
+    )
     yield closed_loop_table(results["closed_loop"])
     yield "![Accelerations](figures/accelerations.svg)"
     yield "## Runtime\n\n```\n" + runtimes_text(results["runtime"]) + "\n```"
@@ -150,6 +171,19 @@ def _sections(results: Json) -> Iterator[str]:
     yield "## Maneuvers\n\nWhat the best safe crossing order saves against no intervention, validation:"
     yield gain_table(results["maneuvers_validation"])
     yield "![Gain over the share of cooperative vehicles](figures/maneuvers.svg)"
+
+
+def _alone(results: Json) -> Iterator[str]:
+    """Drivers alone, if that was measured on both splits."""
+    if "replay_validation" not in results:
+        return
+    yield (
+        "Driving alone among recorded vehicles with the recorded order, as the drivers are, and kept within a"
+        " prediction's limits, inside which the rollout gradient's learned; validation:"
+    )
+    yield replay_table(results["replay_validation"])
+    yield "The same on development:"
+    yield replay_table(results["replay_development"])
 
 
 def _places(found: Json) -> Iterator[str]:
@@ -175,6 +209,15 @@ def _ablations(found: Json | None) -> Iterator[str]:
         "checkpoint counts that predicts development best; its error over 2 to 10 s stands beside the last one's."
     )
     yield ablations.gail_table(found["gail"])
+    if "rollout_gradient" in found:
+        yield (
+            "Drivers of the rollout gradient, alone within a prediction's limits, inside which they learned, predicting"
+            " all jointly, and with nobody else there. The last epoch counts."
+        )
+        yield ablations.rollout_table(found["rollout_gradient"])
+    if found.get("left_out"):
+        yield "At each place the driver that did not learn from it, beside the one that learned from all places:"
+        yield ablations.left_out_table(found["left_out"])
     yield (
         "Whom to follow, in predictions by the driver of this report, which was trained with leads in its own lane; "
         f"{ablations.LEAD_MOMENTS} starts with an open conflict."

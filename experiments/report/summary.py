@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-MODELS = ("gail", "ppo", "idm", "idm_calibrated", "constant_velocity", "sumo")
+MODELS = ("gail", "ppo", "rollout_gradient", "idm", "idm_calibrated", "constant_velocity", "sumo")
 """`idm` is the paper's: its parameters, with our gap network. `sumo` lacks where SUMO is not installed."""
 
 Json = Mapping[str, Any]
@@ -82,7 +82,8 @@ def _value(figure: Json | None) -> Any:
 
 
 def _order(models: Json) -> dict[str, float]:
-    names = {"model": "gail", "priority_first": "priority_first", "sumo_rule": "sumo_rule"}
+    others = (name for name in ("rollout_gradient", "priority_first", "sumo_rule") if name in models)
+    names = {"model": "gail"} | {name: name for name in others}
     return {key: models[name]["accuracy"]["value"] for key, name in names.items()}
 
 

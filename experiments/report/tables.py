@@ -12,6 +12,7 @@ from experiments.show.tables import in_unit, markdown_table
 NAMES = {
     "gail": "GAIL",
     "ppo": "PPO",
+    "rollout_gradient": "rollout gradient",
     "idm": "IDM (paper)",
     "idm_calibrated": "IDM, calibrated",
     "constant_velocity": "constant velocity",
@@ -31,15 +32,15 @@ def called(name: str) -> str:
     return f"{NAMES[model]}, seed {seed}" if model in NAMES and seed.isdecimal() else NAMES.get(name, name)
 
 
-def errors_table(found: Json) -> str:
-    """Errors after 10 s of vehicles recorded at the start and then; and who is missing."""
+def errors_table(found: Json, at: str = "at_10s") -> str:
+    """Errors after 10 s, or "at_4s", of vehicles recorded at the start and then; and who is missing."""
     heads = (
         *("", "RMSE [m]", "MAD [m]", "bias [m]", "time loss RMSE [s]", "80 % [s]", "RMSE to calibrated IDM's"),
         "RMSE to constant velocity's",
     )
     keys = ("distance_rmse", "distance_mad", "distance_bias", "time_loss_rmse", "time_loss_q80")
     rows = []
-    for name, row in found["at_10s"].items():
+    for name, row in found[at].items():
         ratios = (in_unit(row.get(f"distance_rmse_to_{other}")) for other in ("idm_calibrated", "constant_velocity"))
         rows.append((called(name), *(in_unit(row[key]) for key in keys), *ratios))
     return report_table(heads, rows) + "".join(f"\n\n{name}: {why}." for name, why in found["missing"].items())
@@ -54,6 +55,19 @@ def until_last_seen_table(found: Json) -> str:
         cells = (*(in_unit(row[key]) for key in UNTIL_LAST_SEEN), *ratios, speeds_behind(found["models"][name]))
         rows.append((called(name), *cells))
     return report_table((*heads, "behind the junction, recorded [m/s]"), rows)
+
+
+def order_handed_in_table(found: Json) -> str:
+    """The same errors with the recorded order handed in, and from how many moments it was refused."""
+    informed = found["order_handed_in"]
+    heads = ("", "RMSE [m]", "MAD [m]", "bias [m]", "RMSE to the calibrated IDM's, likewise", "MAD to it")
+    rows = []
+    for name, row in informed["until_last_seen"].items():
+        ratios = (in_unit(row.get(f"distance_{key}_to_idm_calibrated")) for key in ("rmse", "mad"))
+        cells = (*(in_unit(row[key]) for key in UNTIL_LAST_SEEN), *ratios, speeds_behind(informed["models"][name]))
+        count = f"{informed['refused'][name]} of {found['moments']}"
+        rows.append((f"{called(name)}, recorded order handed in", *cells, count))
+    return report_table((*heads, "behind the junction, recorded [m/s]", "moments refused"), rows)
 
 
 def last_seen_table(found: Json) -> str:
@@ -98,18 +112,22 @@ def extrapolated_table(found: Json) -> str:
 
 
 def replay_table(found: Json) -> str:
-    """Errors of drivers alone among recorded vehicles."""
-    heads = ("", "RMSE [m]", "MAD [m]", "vehicles", "collided", "line run, of held steps")
-    rows = [
-        (
-            called(name),
-            *("" if row[key] is None else f"{row[key]:.2f}" for key in ("rmse", "mad")),
-            str(row["count"]),
-            *(f"{100.0 * row[key]:.2f} %" for key in ("collisions", "line_runs")),
-        )
-        for name, row in found.items()
-    ]
+    """Errors of drivers alone among recorded vehicles, after 4 and 10 s, without a prediction's limits and within."""
+    heads = (
+        *("", "4 s: RMSE [m]", "MAD [m]", "vehicles", "10 s: RMSE [m]", "MAD [m]", "vehicles"),
+        *("collided within 10 s", "line run, of held steps"),
+    )
+    rows = []
+    for key, said in (("freely", ""), ("within_limits", ", within limits")):
+        for name, row in found[key].items():
+            cells = [cell for time in ("at_4s", "at_10s") for cell in _of_replay(row[time])]
+            shares = (f"{100.0 * row['at_10s'][share]:.2f} %" for share in ("collisions", "line_runs"))
+            rows.append((f"{called(name)}{said}", *cells, *shares))
     return report_table(heads, rows)
+
+
+def _of_replay(row: Json) -> list[str]:
+    return [*("" if row[key] is None else f"{row[key]:.2f}" for key in ("rmse", "mad")), str(row["count"])]
 
 
 def closed_loop_table(found: Json) -> str:

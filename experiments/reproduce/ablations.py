@@ -7,9 +7,8 @@ from __future__ import annotations
 
 import dataclasses
 import json
-import os
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -20,18 +19,18 @@ import tyro
 from agents.gap.train import PROFILES as GAP_PROFILES
 from agents.networks.export import driving_network
 from agents.training.folder import METRICS
-from experiments.measure.crossing_order import order_results
-from experiments.measure.horizon import horizon_results
 from experiments.models.lead_across import AcrossPredictor, TorchForecaster
-from experiments.reproduce.stages import exit_status_of, run_trainings
+from experiments.reproduce.rollout_variants import ROLLOUTS, RolloutVariants
+from experiments.reproduce.stages import exit_status_of
 from experiments.reproduce.trainings import Trainings
+from experiments.reproduce.variants import CONSTANT_VELOCITY, STEADY, joint_row, train_variants
 from experiments.reproduce.workspace import Options, Workspace
 from experiments.results_files import write_result
 from experiments.show.ablations import LEAD_MOMENTS, ablation_tables
 from imitation.gail import PROFILES as GAIL_PROFILES
 from imitation.replay_error import constant_velocity_network, replay_error
 from imitation.torch_model import TorchPredictor
-from intersection_env.evaluation.errors import Forecaster, errors
+from intersection_env.evaluation.errors import Forecaster
 from intersection_env.evaluation.moments import Moment, contested, moments_of, thinned
 from intersection_env.policies.file import PolicyFile
 from intersection_env.prediction.predictor import Predictor
@@ -56,8 +55,6 @@ GAIL = {
     "from random networks, without PPO": ["--ppo", "None"],
 }
 """Options of `imitation.gail`, where they are not the default ones; {gap} is the gap network's policy file."""
-CONSTANT_VELOCITY = "constant velocity"
-STEADY = Predictor(PolicyFile("critical_gap", "constant_velocity"), CONSTANT_VELOCITY)
 DEFAULT_GAP, DEFAULT_GAIL = "gap network, nothing changed", "GAIL, nothing changed"
 IN_CORE, IN_TORCH, ACROSS = "in one's own lane", "the same, as plain torch operations", "who stands across the path too"
 
@@ -73,15 +70,22 @@ class Ablations:
     def run(self) -> None:
         """Trains each variant that has not been trained, and measures all."""
         inputs = {
-            "changes": {"gap": GAP, "gail": GAIL},
+            "changes": {"gap": GAP, "gail": GAIL, "rollout_gradient": ROLLOUTS},
             "effort": self.options.effort,
             "seeds": list(self.options.seeds),
         }
-        self.workspace.stage("ablations", ["gail"], self.output, self._all, **inputs)
+        self.workspace.stage("ablations", ["default"], self.output, self._all, **inputs)
 
     def _all(self) -> None:
-        gap, gail = self._trained_gaps(), self._trained_drivers()
-        content = {"gap": self._gaps(gap), "gail": self._drivers(gail), "lead": self._leads()}
+        gap, gail, rollouts = self._trained_gaps(), self._trained_drivers(), RolloutVariants(self.workspace)
+        rollouts.train()
+        content = {
+            "gap": self._gaps(gap),
+            "gail": self._drivers(gail),
+            "rollout_gradient": rollouts.rows(self._moments),
+            "left_out": rollouts.left_out(),
+            "lead": self._leads(),
+        }
         write_result(self.output, content)
 
     def _trained_gaps(self) -> dict[str, Path]:
@@ -89,7 +93,7 @@ class Ablations:
         runs = {name: self.workspace.run_of(f"ablation_gap_{place}") for place, name in enumerate(GAP)}
         common = ["agents.gap", "default", *self.workspace.arguments(self.workspace.places)]
         commands = {runs[name]: [*common, *changed] for name, changed in GAP.items()}
-        self._train(commands, GAP_PROFILES["default"][1].epochs)
+        train_variants(self.workspace, commands, GAP_PROFILES["default"][1].epochs)
         return {DEFAULT_GAP: self.workspace.run_of("gap")} | runs
 
     def _trained_drivers(self) -> dict[str, Path]:
@@ -103,27 +107,21 @@ class Ablations:
         for name, changed in GAIL.items():
             from_ppo = [] if "--ppo" in changed else start
             commands[runs[name]] = [*common, *from_ppo, *(one.format(gap=gap) for one in changed), "--threads", "1"]
-        self._train(commands, GAIL_PROFILES["default"][1].epochs)
+        train_variants(self.workspace, commands, GAIL_PROFILES["default"][1].epochs)
         unchanged = {f"{DEFAULT_GAIL}, seed {one}": self.workspace.run_of(f"gail_{one}") for one in self.options.seeds}
         return unchanged | runs
-
-    def _train(self, commands: Mapping[Path, list[str]], epochs: int) -> None:
-        wanted = self.workspace.epochs(epochs)
-        common = ["--epochs", str(wanted), "--resume"]
-        trainings = {run: [*command, *common, "--run", str(run)] for run, command in commands.items()}
-        run_trainings(trainings, wanted, os.cpu_count() or 1)
 
     def _gaps(self, runs: Mapping[str, Path]) -> dict[str, Any]:
         """Per variant: how often frames are decided rightly, and what comes of it with the calibrated IDM."""
         idm = PolicyFile.read(self.workspace.policy("idm_calibrated"))
-        found = {CONSTANT_VELOCITY: {"frames": None, **self._joint(STEADY, self._moments)}}
+        found = {CONSTANT_VELOCITY: {"frames": None, **joint_row(STEADY, self._moments)}}
         for name, run in runs.items():
             policy = PolicyFile.read(run / "gap.policy")
             frames = policy.about["development"]
             predictor = Predictor(dataclasses.replace(idm, gap_network=policy.gap_network), name)
             found[name] = {
                 "frames": {foes: row["accuracy"] for foes, row in frames.items()},
-                **self._joint(predictor, self._moments),
+                **joint_row(predictor, self._moments),
             }
         return found
 
@@ -141,7 +139,7 @@ class Ablations:
             CONSTANT_VELOCITY: {
                 "alone": dataclasses.asdict(steady),
                 "checkpoints": None,
-                **self._joint(STEADY, self._moments),
+                **joint_row(STEADY, self._moments),
             }
         }
         for name, path in policies.items():
@@ -152,7 +150,7 @@ class Ablations:
             found[name] = {
                 "alone": dataclasses.asdict(alone),
                 "checkpoints": checkpoints,
-                **self._joint(Predictor(policy, name), self._moments),
+                **joint_row(Predictor(policy, name), self._moments),
             }
         return found
 
@@ -166,15 +164,7 @@ class Ablations:
             TorchForecaster(ACROSS, policy, AcrossPredictor),
         )
         moments = thinned(contested(self._moments), LEAD_MOMENTS)  # torch operations are slow
-        return {one.name: self._joint(one, moments) for one in forecasters}
-
-    def _joint(self, forecaster: Forecaster, moments: Sequence[Moment]) -> dict[str, Any]:
-        """Errors of both populations, speeds behind the junction, and how often crossing orders are right."""
-        name = forecaster.name
-        order = order_results([forecaster], moments)["recorded"]["models"][name]
-        results = horizon_results({name: errors(forecaster, moments)})
-        both = {key: results[key][name] for key in ("at_10s", "until_last_seen")}
-        return {"order": order["accuracy"], **both, "speed_behind": results["models"][name]["speed_behind"]}
+        return {one.name: joint_row(one, moments) for one in forecasters}
 
     @cached_property
     def _scenes(self) -> Scenes:

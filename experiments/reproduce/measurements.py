@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -25,6 +25,7 @@ from experiments.reproduce.workspace import Workspace
 from experiments.results_files import rows_of, write_result
 from imitation.expert import expert_steps
 from imitation.replay_error import constant_velocity_network, replay_error
+from intersection_env.constants import DT, STEPS
 from intersection_env.evaluation.errors import Forecaster, evaluate
 from intersection_env.evaluation.moments import Moment, contested, moments_of
 from intersection_env.maps.intersection import Intersection
@@ -35,7 +36,10 @@ from intersection_env.scenes.scene import SPLITS
 SIMULATED = Path("data/recordings").resolve()
 SEED = 0  # of random choices in the measurements
 UNTRAINED_SEED = 0
-COMPARED = ("gail", "ppo", "idm", "idm_calibrated", "constant_velocity")  # in crossing orders
+COMPARED = ("gail", "ppo", "rollout_gradient", "idm", "idm_calibrated", "constant_velocity")  # in crossing orders
+DRIVERS = ("ppo", "gail", "rollout_gradient")  # with networks
+INFORMED = ("rollout_gradient", "gail", "idm_calibrated")  # predict with the recorded order handed in too
+TIMES = {"at_4s": round(4.0 / DT), "at_10s": STEPS}  # of driving alone
 
 
 class Measurements:
@@ -48,17 +52,19 @@ class Measurements:
     def run(self) -> None:
         """All of them; validation is opened after development."""
         for split in ("development", "validation"):
-            for name, work in (("horizon", self._horizon), ("order", self._order), ("gap", self._gap_accuracy)):
-                out = self.result(f"{name}_{split}")
-                self.workspace.stage(out.stem, ["gail"], out, partial(work, split))
-        self.workspace.stage("replay", ["gail"], self.result("replay_development"), self._replay)
-        self.workspace.stage("maneuvers", ["gail"], self.result("maneuvers_validation"), self._maneuvers)
-        self.workspace.stage("closed_loop", ["gail"], self.result("closed_loop"), self._closed_loop)
-        self.workspace.stage("places", ["gail"], self.result("places"), self._places)
-        timed = self.options.scenes_timed
-        self.workspace.stage("runtime", ["gail"], self.result("runtime"), self._runtime, scenes=timed)
+            of_split = {"horizon": self._horizon, "order": self._order, "gap": self._gap_accuracy}
+            for name, work in (of_split | {"replay": self._replay}).items():
+                self._stage(f"{name}_{split}", f"{name}_{split}", partial(work, split))
+        self._stage("maneuvers", "maneuvers_validation", self._maneuvers)
+        self._stage("closed_loop", "closed_loop", self._closed_loop)
+        self._stage("places", "places", self._places)
+        self._stage("runtime", "runtime", self._runtime, scenes=self.options.scenes_timed)
         self._write("default", json.loads(self.workspace.default.read_text(encoding="utf-8")))
         self._write("reproduced", {"about": self._about(), "seconds": self.workspace.seconds()})
+
+    def _stage(self, name: str, result: str, work: Callable[[], None], **inputs: Any) -> None:
+        """One that begins when the policies are trained and the default is chosen, and writes a results file."""
+        self.workspace.stage(name, ["default"], self.result(result), work, **inputs)
 
     def result(self, name: str) -> Path:
         """A results file."""
@@ -68,10 +74,10 @@ class Measurements:
         scenes = self.workspace.scenes.select(split)
         everybody: list[Forecaster] = [*self._models().values()]
         for seed in self.options.seeds:
-            everybody += [self._named(f"{name}_{seed}") for name in ("gail", "ppo")]
+            everybody += [self._named(f"{name}_{seed}") for name in ("gail", "ppo", "rollout_gradient")]
         moments, _ = moments_of(scenes)
         sumo, missing = self._sumo(moments)
-        results = measured([*everybody, *sumo], moments)
+        results = measured([*everybody, *sumo], moments, [self._named(name) for name in INFORMED])
         self._write(f"horizon_{split}", {"split": split, "missing": missing, **results})
 
     def _sumo(self, moments: Sequence[Moment]) -> tuple[list[Forecaster], dict[str, str]]:
@@ -109,45 +115,63 @@ class Measurements:
                 found[split][place.intersection.name] = {"moments": len(moments), "rows": rows}
         self._write("places", found)
 
-    def _replay(self) -> None:
-        scenes = self.workspace.scenes
+    def _replay(self, split: str) -> None:
+        """Driving alone, as drivers are and within a prediction's limits; the rollout gradient's knows these alone."""
         torch.manual_seed(UNTRAINED_SEED)
-        networks = {"untrained": DrivingNetwork()}
-        networks["constant_velocity"] = constant_velocity_network()
-        for name in ("ppo", "gail"):
-            for one in (name, *(f"{name}_{seed}" for seed in self.options.seeds)):
-                networks[one] = driving_network(PolicyFile.read(self.workspace.policy(one)))
-        found = {
-            one: dataclasses.asdict(replay_error(network, scenes, "development")) for one, network in networks.items()
-        }
-        self._write("replay_development", found)
+        freely = {"untrained": DrivingNetwork(), "constant_velocity": constant_velocity_network()}
+        freely |= {one: self._driver(one) for name in ("ppo", "gail") for one in self._with_seeds(name)}
+        within = {name: network for name, network in freely.items() if name != "untrained"}
+        within |= {one: self._driver(one) for one in self._with_seeds("rollout_gradient")}
+        scenes = self.workspace.scenes
+        found: dict[str, Any] = {}
+        for key, networks in (("freely", freely), ("within_limits", within)):
+            errors_of = partial(replay_error, scenes=scenes, split=split, within_limits=key == "within_limits")
+            found[key] = {
+                name: {time: dataclasses.asdict(errors_of(network, steps=steps)) for time, steps in TIMES.items()}
+                for name, network in networks.items()
+            }
+        self._write(f"replay_{split}", found)
 
     def _maneuvers(self) -> None:
         moments, _ = moments_of(self.workspace.scenes.select("validation"))
-        results = maneuver_results(self._named("gail"), contested(moments), SEED)
+        results = maneuver_results(self._named(self._default), contested(moments), SEED)
         self._write("maneuvers_validation", results)
 
     def _closed_loop(self) -> None:
         recorded = expert_steps(self.workspace.scenes, "validation").acceleration
-        drivers = ["ppo", "gail", *(f"{name}_{seed}" for name in ("ppo", "gail") for seed in self.options.seeds)]
+        drivers = [*DRIVERS, *(f"{name}_{seed}" for name in DRIVERS for seed in self.options.seeds)]
         place = self.workspace.places[0]
         results = closed_loop_results([self._named(one) for one in drivers], self._gaps(), recorded, map=place)
         self._write("closed_loop", results)
 
     def _runtime(self) -> None:
-        timed = RuntimeOptions(policy=str(self.workspace.policy("gail")), scenes=self.options.scenes_timed)
-        self._write("runtime", runtime_results(timed))
+        """Of the default, if it has both networks; the paper's driver otherwise."""
+        timed = self._default if self._default in DRIVERS else "gail"
+        policy = str(self.workspace.policy(timed))
+        self._write("runtime", runtime_results(RuntimeOptions(policy=policy, scenes=self.options.scenes_timed)))
 
     def _models(self) -> dict[str, Predictor]:
         """The models of the comparison, by name; `idm` as in the paper: with its parameters and our gap network."""
         gap = PolicyFile.read(self.workspace.policy("gap"))
-        models = [self._named(name) for name in ("gail", "ppo", "idm_calibrated")]
+        models = [self._named(name) for name in ("gail", "ppo", "rollout_gradient", "idm_calibrated")]
         models += [Predictor(gap, "idm"), Predictor(PolicyFile("critical_gap", "idm"), "idm_critical_gap")]
         models.append(Predictor.load("constant_velocity"))
         return {one.name: one for one in models}
 
     def _named(self, name: str) -> Predictor:
         return Predictor.load(self.workspace.policy(name))
+
+    def _with_seeds(self, name: str) -> list[str]:
+        """A driver's policies: the best one, and one a seed."""
+        return [name, *(f"{name}_{seed}" for seed in self.options.seeds)]
+
+    def _driver(self, name: str) -> DrivingNetwork:
+        return driving_network(PolicyFile.read(self.workspace.policy(name)))
+
+    @property
+    def _default(self) -> str:
+        """The name of the default policy."""
+        return str(json.loads(self.workspace.default.read_text(encoding="utf-8"))["default"])
 
     def _gaps(self) -> dict[str, str]:
         return {"gap": str(self.workspace.policy("gap")), "critical_gap": "critical_gap"}

@@ -1,4 +1,4 @@
-"""The trainings of `make reproduce`: scenes, gap network, calibrated IDM, PPO and GAIL; and which is the default."""
+"""The trainings of `make reproduce`: scenes, gap network, calibrated IDM and the drivers; and which is the default."""
 
 from __future__ import annotations
 
@@ -21,9 +21,10 @@ from experiments.reproduce.workspace import Workspace
 from experiments.results_files import write_result
 from imitation.closer_look import watched
 from imitation.gail import PROFILES as GAIL_PROFILES
+from imitation.rollout_gradient import PROFILES as ROLLOUT_PROFILES
 from intersection_env.evaluation.empty_road import empty_road
 from intersection_env.evaluation.errors import distance_error
-from intersection_env.evaluation.gates import LEAST_SPEED, MOST_COLLISIONS
+from intersection_env.evaluation.gates import LEAST_MEAN_SPEED, LEAST_SPEED, MOST_COLLISIONS
 from intersection_env.evaluation.moments import followed, moments_of
 from intersection_env.evaluation.places import moments_in
 from intersection_env.files import written_whole
@@ -32,7 +33,7 @@ from intersection_env.policies.file import PolicyFile
 from intersection_env.prediction.predictor import Predictor
 from intersection_env.scenes.scene import SPLITS
 
-TRAINED = ("gap", "idm_calibrated", "ppo", "gail")
+TRAINED = ("gap", "idm_calibrated", "rollout_gradient", "ppo", "gail")
 """Policies that ship."""
 
 
@@ -44,7 +45,7 @@ class Trainings:
         self.options = workspace.options
 
     def run(self) -> None:
-        """Scenes, gap network, calibrated IDM, PPO, GAIL, the default; of PPO and GAIL one a seed, and then the best.
+        """Scenes, gap network, calibrated IDM, drivers, the default; of each driver one a seed, and then the best.
 
         Raises:
             StageFailedError: a training ended with an error.
@@ -61,9 +62,12 @@ class Trainings:
         order = workspace.scenes_stages()
         stage("gap", order, policy("gap"), self._gap, effort=effort, order=order)
         stage("idm", ["gap"], policy("idm_calibrated"), self._idm, effort=effort)
+        rollouts = policy("rollout_gradient")
+        stage("rollout_gradient", ["gap", "idm"], rollouts, self._rollout_gradient, seeds=seeds, effort=effort)
         stage("ppo", ["gap"], policy("ppo"), self._ppo, seeds=seeds, effort=effort)
         stage("gail", ["ppo", "idm"], policy("gail"), self._gail, effort=effort)
-        stage("default", ["gail", "idm"], self.workspace.default, self._default, limits=[LEAST_SPEED, MOST_COLLISIONS])
+        drivers, limits = ["rollout_gradient", "gail"], [LEAST_SPEED, LEAST_MEAN_SPEED, MOST_COLLISIONS]
+        stage("default", ["idm", *drivers], self.workspace.default, self._default, limits=limits)
 
     def _scenes(self, place: Intersection) -> None:
         scenes = build(self.options.recordings, place)
@@ -84,6 +88,14 @@ class Trainings:
         arguments += ["--out", str(self.workspace.policy("idm_calibrated"))]
         run_module("agents.idm", *arguments)
 
+    def _rollout_gradient(self) -> None:
+        decider, teacher = (str(self.workspace.policy(name)) for name in ("gap", "idm_calibrated"))
+        arguments = [*self._everywhere, "--decider", decider, "--teacher", teacher]
+        epochs = ROLLOUT_PROFILES["default"][1].epochs
+        command = ["imitation.rollout_gradient", "default", *arguments]
+        self._seeds("rollout_gradient", epochs, lambda seed: command, has_threads=False)
+        self._predicting_best("rollout_gradient")
+
     def _ppo(self) -> None:
         arguments = ["--map", *self.workspace.maps(), "--gaps", str(self.workspace.policy("gap")), "critical_gap"]
         self._seeds("ppo", PPO_PROFILES["fast"][1].epochs, lambda seed: ["agents.ppo", "fast", *arguments])
@@ -101,16 +113,7 @@ class Trainings:
             return ["imitation.gail", "default", *arguments, "--ppo", str(self.workspace.run_of(f"ppo_{seed}"))]
 
         self._seeds("gail", GAIL_PROFILES["default"][1].epochs, command)
-        seen = watched(self.workspace.all_scenes())
-        reference = Predictor.load(self.workspace.policy("idm_calibrated"))
-
-        def merit(path: Path) -> tuple[bool, float]:
-            """Whoever crawls on an empty road is chosen only if all do."""
-            driver = Predictor.load(path)
-            alone = empty_road(driver, reference, self.workspace.places)
-            return alone.least >= LEAST_SPEED, -distance_error(driver, seen)
-
-        self._best("gail", merit)
+        self._predicting_best("gail")
 
     def _default(self) -> None:
         policies = [Predictor.load(self.workspace.policy(name)) for name in TRAINED]
@@ -124,18 +127,31 @@ class Trainings:
     def _everywhere(self) -> list[str]:
         return self.workspace.arguments(self.workspace.places)
 
-    def _seeds(self, name: str, epochs: int, command: Callable[[int], list[str]]) -> None:
-        """Trains a driver with each seed, as many at a time as there are cores."""
+    def _seeds(self, name: str, epochs: int, command: Callable[[int], list[str]], has_threads: bool = True) -> None:
+        """Trains a driver with each seed, as many at a time as there are cores; who has threads shares them."""
         cores, wanted = os.cpu_count() or 1, self.workspace.epochs(epochs)
         at_once = min(cores, len(self.options.seeds))
         trainings = {}
         for seed in self.options.seeds:
             run = self.workspace.run_of(f"{name}_{seed}")
-            arguments = ["--seed", str(seed), "--run", str(run), "--epochs", str(wanted)]
-            trainings[run] = [*command(seed), *arguments, "--threads", str(cores // at_once), "--resume"]
+            arguments = ["--seed", str(seed), "--run", str(run), "--epochs", str(wanted), "--resume"]
+            threads = ["--threads", str(cores // at_once)] if has_threads else []
+            trainings[run] = [*command(seed), *arguments, *threads]
         run_trainings(trainings, wanted, at_once)
         for run in trainings:
             self._keep(run / f"{name}.policy", run.name)
+
+    def _predicting_best(self, name: str) -> None:
+        """Keeps the seed that predicts development best; one that crawls on an empty road only if all do."""
+        moments = watched(self.workspace.all_scenes())
+        reference = Predictor.load(self.workspace.policy("idm_calibrated"))
+
+        def merit(path: Path) -> tuple[bool, float]:
+            driver = Predictor.load(path)
+            alone = empty_road(driver, reference, self.workspace.places)
+            return alone.least >= LEAST_SPEED, -distance_error(driver, moments)
+
+        self._best(name, merit)
 
     def _best(self, name: str, merit: Callable[[Path], Any]) -> None:
         merits = {seed: merit(self.workspace.policy(f"{name}_{seed}")) for seed in self.options.seeds}

@@ -25,21 +25,36 @@ MODELS = {
     "idm_calibrated": "gap network, calibrated IDM",
     "ppo": "gap network, PPO",
     "gail": "gap network, GAIL",
+    "rollout_gradient": "gap network of its own, rollout gradient",
 }
 """Those that ship: who decides about gaps, and who drives."""
 
 
 def errors_text(results: Mapping[str, Any]) -> str:
-    """Each model's errors after 10 s and until last seen with their intervals, as text."""
-    lines = [f"{'10 s, recorded':<20} {'RMSE [m]':>20} {'MAD [m]':>20} {'time loss RMSE [s]':>20} {'80 % [s]':>20}"]
-    for name, row in results["at_10s"].items():
-        lines.append(f"{name:<20} " + " ".join(f"{in_unit(row[key]):>20}" for key in ERRORS))
+    """Each model's errors after 4 and 10 s and until last seen with their intervals, as text."""
+    lines = []
+    for key, time in (("at_4s", "4 s"), ("at_10s", "10 s")):
+        heads = ("RMSE [m]", "MAD [m]", "time loss RMSE [s]", "80 % [s]")
+        lines.append(" ".join((f"{time + ', recorded':<26}", *(f"{head:>20}" for head in heads))))
+        for name, row in results[key].items():
+            lines.append(f"{name:<26} " + " ".join(f"{in_unit(row[one]):>20}" for one in ERRORS))
+    return "\n".join([*lines, *_last_seen_lines("until last seen", results)])
+
+
+def order_handed_in_text(results: Mapping[str, Any]) -> str:
+    """The errors until last seen with the recorded order handed in, and how often that was refused, as text."""
+    informed = results["order_handed_in"]
+    lines = [f"{name}: refused in {count} moments" for name, count in informed["refused"].items()]
+    return "\n".join([*_last_seen_lines("recorded order handed in", informed), *lines])
+
+
+def _last_seen_lines(title: str, results: Mapping[str, Any]) -> list[str]:
     heads = ("RMSE [m]", "MAD [m]", "bias [m]", "behind, recorded [m/s]")
-    lines.append(" ".join((f"{'until last seen':<20}", *(f"{head:>22}" for head in heads))))
+    lines = [" ".join((f"{title:<26}", *(f"{head:>22}" for head in heads)))]
     for name, row in results["until_last_seen"].items():
         cells = [*(in_unit(row[key]) for key in UNTIL_LAST_SEEN), speeds_behind(results["models"][name])]
-        lines.append(" ".join((f"{name:<20}", *(f"{cell:>22}" for cell in cells))))
-    return "\n".join(lines)
+        lines.append(" ".join((f"{name:<26}", *(f"{cell:>22}" for cell in cells))))
+    return lines
 
 
 def speeds_behind(of_model: Mapping[str, Any]) -> str:
@@ -55,12 +70,12 @@ def errors_table(errors: pd.DataFrame) -> str:
         errors: as `evaluate` gives them.
     """
     recorded = errors[errors["population"] == "recorded"].set_index(["model", "horizon"]).to_dict("index")
-    rows = []
-    for model, name in MODELS.items():
+    rows, measured = [], _measured(errors)
+    for model, name in measured.items():
         of_model = [recorded[model, horizon] for horizon in HORIZONS]
         cells = [f"{row['rmse']:.1f} / {row['mad']:.1f}, {row['time_loss_rmse']:.1f}" for row in of_model]
         rows.append((name, *cells))
-    counts = [f"{recorded[next(iter(MODELS)), horizon]['count']:.0f}" for horizon in HORIZONS]
+    counts = [f"{recorded[next(iter(measured)), horizon]['count']:.0f}" for horizon in HORIZONS]
     heads = ("RMSE / MAD [m], time loss RMSE [s]", *(f"{horizon:.0f} s" for horizon in HORIZONS))
     return markdown_table(heads, [*rows, ("samples", *counts)])
 
@@ -72,19 +87,24 @@ def until_last_seen_table(errors: pd.DataFrame) -> str:
         errors: as `evaluate` gives them.
     """
     indexed = errors.set_index(["model", "population", "horizon"]).to_dict("index")
-    rows = []
-    for model, name in MODELS.items():
+    rows, measured = [], _measured(errors)
+    for model, name in measured.items():
         parts = [indexed.get((model, "last_seen", horizon)) for horizon in HORIZONS]
         everybody = indexed[model, "until_last_seen", HORIZONS[-1]]
         cells = ["" if row is None else _signed(row) for row in (*parts, everybody)]
         speeds = (f"{everybody[key]:.1f}" for key in ("speed_behind", "recorded_speed_behind"))
         rows.append((name, *cells, ", ".join(speeds)))
-    first = next(iter(MODELS))
+    first = next(iter(measured))
     found = [indexed.get((first, "last_seen", horizon)) for horizon in HORIZONS]
     found.append(indexed[first, "until_last_seen", HORIZONS[-1]])
     counts = ("0" if row is None else f"{row['count']:.0f}" for row in found)
     heads = ("RMSE / MAD / bias [m], last seen", *(f"to {horizon:.0f} s" for horizon in HORIZONS), "at any time")
     return markdown_table((*heads, "behind the junction, recorded [m/s]"), [*rows, ("samples", *counts, None)])
+
+
+def _measured(errors: pd.DataFrame) -> dict[str, str]:
+    """Those of `MODELS` that have rows."""
+    return {model: name for model, name in MODELS.items() if model in set(errors["model"])}
 
 
 def _signed(row: Mapping[Any, Any]) -> str:

@@ -91,10 +91,11 @@ class Predictor:
     def load(cls, policy: str | Path = DEFAULT, *, gap: str | None = None, threads: int = 1) -> Predictor:
         """A policy that ships, a rule (`"idm"`, `"constant_velocity"`) or a policy file (`.policy`).
 
-        All that ship were trained on the simulated recordings, and a network decides about gaps. Who drives: in
-        `"gail"` a network that learned to drive like the recorded ones, in `"ppo"` the one that it began as, which
-        learned by reward in the closed loop; in `"gap"` the IDM with the paper's parameters, in `"idm_calibrated"` with
-        those that fit the recordings.
+        All that ship were trained on the simulated recordings, and a network decides about gaps, in
+        `"rollout_gradient"` one of its own. Who drives: in `"rollout_gradient"` a network that learned from the errors
+        of its own predictions, in `"gail"` one that learned to drive like the recorded ones, in `"ppo"` the one that
+        GAIL's began as, which learned by reward in the closed loop; in `"gap"` the IDM with the paper's parameters, in
+        `"idm_calibrated"` with those that fit the recordings.
 
         Args:
             policy: a name or a path; by default the one that predicts best of those that pass the gates

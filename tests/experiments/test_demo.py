@@ -14,6 +14,7 @@ from intersection_env import Intersection, Scene, Scenes
 from intersection_env.evaluation.moments import moments_of
 from intersection_env.maps.intersection import MAPS
 from intersection_env.plots import animation
+from intersection_env.policies.named import POLICIES, RULES
 from intersection_env.scenes.scene import Track
 from tests.support.recordings import on_route, steady, write_recording
 
@@ -59,7 +60,7 @@ def test_demo_ranks_draws_and_evaluates(
     table = pd.read_csv(out / "errors.csv")
     populations = table.groupby("model")["population"].agg(set)
     assert all({"recorded", "until_last_seen", "last_seen"} <= found for found in populations)
-    assert set(table["model"]) == {"idm", "constant_velocity", "gap", "idm_calibrated", "ppo", "gail"}
+    assert set(table["model"]) == {*RULES, *(path.stem for path in POLICIES.glob("*.policy"))}
     # all drive steadily: constant velocity is right, the intelligent driver is not
     steadily = table[table["model"] == "constant_velocity"]
     assert steadily["rmse"].max() < 0.5 < table["rmse"].max()

@@ -46,7 +46,9 @@ from tests.experiments.measure.test_horizon import made
 from tests.experiments.measure.test_maneuver_gain import scenes_of
 
 Results = dict[str, Any]
+MEASURED = {*RESULTS, "replay_validation"}
 ALL = (*MODELS, "idm_critical_gap", "gail_0", "ppo_0")
+INFORMED = ("rollout_gradient", "gail", "idm_calibrated")
 LIBSUMO = ("libsumo", "libsumo, steps alone")
 ROW = {"vehicles": {"2": {"mean": 1.0, "median": 0.5, "calls": 3}, "3": {"mean": 2.0, "median": 1.5, "calls": 3}}}
 ABOUT = {
@@ -74,8 +76,7 @@ def computed(tmp_path_factory: pytest.TempPathFactory) -> Results:
         results: Results = {f"gap_{split}": gap for split in ("development", "validation")}
         results |= {f"order_{split}": {"split": split, **_order()} for split in ("development", "validation")}
         results |= {f"horizon_{split}": {"split": split, **_horizon()} for split in ("development", "validation")}
-        replay = dataclasses.asdict(ReplayError(5.0, 2.0, 100, 0.01, 0.002))
-        results["replay_development"] = dict.fromkeys(("untrained", "ppo", "ppo_0", "gail", "gail_0"), replay)
+        results |= {f"replay_{split}": _replay() for split in ("development", "validation")}
         results["maneuvers_validation"] = maneuver_results(
             Predictor.load("gap"), thinned(contested(moments_of(scenes_of(3))[0]), 9), 0
         )
@@ -85,14 +86,14 @@ def computed(tmp_path_factory: pytest.TempPathFactory) -> Results:
     results["places"] = {"development": {}, "validation": {}}
     results["reproduced"] = {"about": ABOUT, "seconds": SECONDS}
     whole: Results = json.loads(json.dumps(results))
-    assert set(whole) == set(RESULTS)
+    assert set(whole) == MEASURED
     return whole
 
 
 def _order() -> Results:
     bendplatz = Intersection.load("bendplatz")
     moments = first(bendplatz, *(pair(bendplatz, 30, 30 + k, f"{10 + k}") for k in (-5, -2, 3)))
-    right = [recordings_replayed(moments, name) for name in ("gail", "ppo")]
+    right = [recordings_replayed(moments, name) for name in ("gail", "ppo", "rollout_gradient")]
     wrong = nobody_moves(moments, "idm")
     return order_results([*right, wrong, Predictor(Predictor.load("gap").policy, "idm_calibrated")], moments)
 
@@ -103,7 +104,20 @@ def _horizon() -> Results:
         name: made([1.0, -2.0, 3.0, 4.0], list("xxyy"), [True, True, True, False], scale=k + 1.0)
         for k, name in enumerate(ALL)
     }
-    return {"moments": 4, "missing": {}, **horizon_results(found)}
+    results = horizon_results(found)
+    informed = {
+        "until_last_seen": {name: results["until_last_seen"][name] for name in INFORMED},
+        "models": {name: {"speed_behind": results["models"][name]["speed_behind"]} for name in INFORMED},
+        "refused": dict.fromkeys(INFORMED, 1),
+    }
+    return {"moments": 4, "missing": {}, **results, "order_handed_in": informed}
+
+
+def _replay() -> Results:
+    row = dict.fromkeys(("at_4s", "at_10s"), dataclasses.asdict(ReplayError(5.0, 2.0, 100, 0.01, 0.002)))
+    drivers = ("ppo", "ppo_0", "gail", "gail_0")
+    freely = dict.fromkeys(("untrained", *drivers), row)
+    return {"freely": freely, "within_limits": dict.fromkeys((*drivers, "rollout_gradient"), row)}
 
 
 def _default() -> Results:
@@ -116,9 +130,9 @@ def _default() -> Results:
 
 
 def _closed_loop(folder: Path) -> Results:
-    for name in ("ppo", "gail"):
+    for name in report.DRIVERS:
         driving_policy(gap_decider("gap"), DrivingNetwork(), {}).save(folder / f"{name}.policy")
-    drivers = [Predictor.load(folder / f"{name}.policy") for name in ("ppo", "gail")]
+    drivers = [Predictor.load(folder / f"{name}.policy") for name in report.DRIVERS]
     gaps = {"gap": "gap", "critical_gap": "critical_gap"}
     recorded = np.array([-1.0, 0.0, 0.0, 1.0], np.float32)
     return closed_loop_results(drivers, gaps, recorded, worlds=2)
@@ -160,7 +174,7 @@ def test_summary_has_exactly_the_names_that_were_promised(folder: Path, computed
             *("frame_accuracy", "balanced_accuracy", "pair_accuracy", "base_rate", "sumo_rule", "sumo_kinematic"),
             *("critical_gap", "logistic", "interval"),
         },
-        "order": {"model", "priority_first", "sumo_rule"},
+        "order": {"model", "rollout_gradient", "priority_first", "sumo_rule"},
         "distance": set(MODELS),
         "time_loss": set(MODELS),
         "until_last_seen": set(MODELS),
@@ -168,7 +182,7 @@ def test_summary_has_exactly_the_names_that_were_promised(folder: Path, computed
         "runtime": {"one_scenario_ms", "batch_ms", "maneuvers_per_cycle", "quadratic_ms", "isa"},
         "seconds": set(SECONDS),
     }
-    assert MODELS == ("gail", "ppo", "idm", "idm_calibrated", "constant_velocity", "sumo")
+    assert MODELS == ("gail", "ppo", "rollout_gradient", "idm", "idm_calibrated", "constant_velocity", "sumo")
     assert all(set(row) == {"rmse_10s", "mad_10s"} for row in content["distance"].values())
     assert all(set(row) == {"rmse_10s", "q80_10s"} for row in content["time_loss"].values())
     assert all(set(row) == {"rmse", "mad", "bias"} for row in content["until_last_seen"].values())
@@ -212,7 +226,31 @@ AT_10S = ("horizon_validation", "at_10s", "gail")
 LAST = ("horizon_validation", "until_last_seen", "idm_calibrated")
 RUN = ("closed_loop", "drivers", "ppo", "gap")
 RUNTIME = ("runtime", "models", "ours", "vehicles", "15", "mean")
+ROLLOUTS = ("rollout_gradient", "distance_rmse_to_idm_calibrated", "value")
+ROLLOUTS_MAD = ("rollout_gradient", "distance_mad_to_idm_calibrated", "value")
+ALONE = ("replay_validation", "within_limits", "rollout_gradient")
+UNTIL = ("horizon_validation", "until_last_seen")
+INFORMED_ROWS = ("horizon_validation", "order_handed_in", "until_last_seen")
+AT_4S = ("horizon_validation", "at_4s")
 BARS = {
+    "rollout gradient, until last seen: RMSE to the calibrated IDM's": ((*UNTIL, *ROLLOUTS), 0.85, 0.86),
+    "rollout gradient, until last seen: MAD to the calibrated IDM's": ((*UNTIL, *ROLLOUTS_MAD), 0.45, 0.46),
+    "rollout gradient, recorded order handed in: RMSE to the calibrated IDM's": (
+        (*INFORMED_ROWS, *ROLLOUTS),
+        *(0.7, 0.71),
+    ),
+    "rollout gradient, at 4 s: RMSE to the calibrated IDM's": ((*AT_4S, *ROLLOUTS), 0.7, 0.71),
+    "rollout gradient, at 4 s: MAD to the calibrated IDM's": ((*AT_4S, *ROLLOUTS_MAD), 0.4, 0.41),
+    "rollout gradient, alone within limits, recorded order, 4 s: RMSE to GAIL's": (
+        (*ALONE, "at_4s", "rmse"),
+        2.25,
+        2.3,
+    ),
+    "rollout gradient, alone within limits, recorded order, 10 s: RMSE to GAIL's": (
+        (*ALONE, "at_10s", "rmse"),
+        4.5,
+        4.6,
+    ),
     "network minus SUMO's rule": ((*GAP, "low"), 0.01, 0.0),
     "crossing order right": ((*ORDER, "accuracy", "value"), 0.836, 0.835),
     "that minus priority first": ((*ORDER, "minus", "priority_first", "value"), 0.01, 0.0),
@@ -270,9 +308,31 @@ def test_bar_of_a_ratio_is_met_or_missed_as_the_figure_demands(
 
 def test_every_bar_is_tried_above(results: Results) -> None:
     rows = list(headlines(results))
-    ratios = [row for row in rows if row.what.endswith(" IDM's")]
+    ratios = [row for row in rows if row.what.startswith("... its ") and row.what.endswith(" IDM's")]
     assert len(ratios) == 4
     assert {row.what for row in rows if row.bar} == set(BARS) | {row.what for row in ratios}
+
+
+def test_default_that_learned_to_drive_stands_beside_the_papers_driver_with_the_same_bars(results: Results) -> None:
+    before = {row.what: row for row in headlines(results)}
+    results["default"]["default"] = "rollout_gradient"
+    put(results, (*AT_4S[:1], "at_10s", "rollout_gradient", "distance_rmse_to_idm", "value"), 0.5)
+    rows = {row.what: row for row in headlines(results)}
+    whose = ", default (rollout_gradient)"
+    beside = {what.removesuffix(whose) for what in rows if what.endswith(whose)}
+    assert beside == {
+        *("crossing order right", "distance RMSE at 10 s", "distance MAD at 10 s", "time-loss RMSE at 10 s"),
+        *(
+            f"... its {figure} to {other}"
+            for figure in ("RMSE", "MAD")
+            for other in ("the IDM's", "the calibrated IDM's")
+        ),
+    }
+    assert all(rows[what] == before[what] for what in beside), "the paper's driver's are as they were"
+    assert all(rows[f"{what}{whose}"].bar == rows[what].bar for what in beside)
+    assert rows[f"... its RMSE to the IDM's{whose}"].met
+    assert rows["distance MAD at 10 s"].ours != rows[f"distance MAD at 10 s{whose}"].ours
+    assert "until last seen, RMSE of the default (rollout_gradient)" in rows
 
 
 def test_each_figure_has_a_command_that_is_there(computed: Results, folder: Path) -> None:
@@ -360,7 +420,7 @@ def test_pictures_lie_beside_the_markdown_and_fit_a_paper(folder: Path) -> None:
 
 def test_report_is_the_same_bytes_each_time(folder: Path) -> None:
     before = contents(folder)
-    assert len(before) == len(RESULTS) + 3 + 8
+    assert len(before) == len(MEASURED) + 3 + 8
     write_report(folder)
     after = contents(folder)
     assert {name for name in after if before.get(name) != after[name]} == set()
@@ -370,15 +430,33 @@ def test_model_that_is_missing_is_said_and_left_out(results: Results, folder: Pa
     for split in ("development", "validation"):
         found = results[f"horizon_{split}"]
         found["missing"] = {"sumo": "No module named 'sumo'"}
-        del found["models"]["sumo"], found["at_10s"]["sumo"], found["until_last_seen"]["sumo"]
+        for rows in ("models", "at_4s", "at_10s", "until_last_seen"):
+            del found[rows]["sumo"]
     results["runtime"]["models"]["libsumo"] = {"missing": "not installed"}
     assert set(summary(results, ABOUT, SECONDS)["distance"]) == set(MODELS) - {"sumo"}
     assert set(summary(results, ABOUT, SECONDS)["time_loss"]) == set(MODELS) - {"sumo"}
     text = report.report(results, ABOUT, SECONDS)
     for one in (text, page(text, folder)):
-        assert one.count("sumo: No module named 'sumo'.") == 2
+        assert one.count("sumo: No module named 'sumo'.") == 3
         assert "libsumo: not installed" in one
     assert "| SUMO |" not in text
+
+
+def test_what_was_not_measured_has_no_row_and_no_table(results: Results) -> None:
+    whole = report.report(results, ABOUT, SECONDS)
+    for split in ("development", "validation"):
+        found = results[f"horizon_{split}"]
+        for rows in ("models", "at_10s", "until_last_seen"):
+            del found[rows]["rollout_gradient"]
+        del found["at_4s"], found["order_handed_in"]
+        for population in ("recorded", "all"):
+            del results[f"order_{split}"][population]["models"]["rollout_gradient"]
+    del results["replay_validation"]
+    text = report.report(results, ABOUT, SECONDS)
+    for said in ("The same after 4 s", "recorded order handed in", "alone within limits", "Driving alone"):
+        assert said in whole
+        assert said not in text
+    assert "rollout_gradient" not in summary(results, ABOUT, SECONDS)["order"]
 
 
 def test_figures_that_there_are_no_samples_of_are_left_out(results: Results, monkeypatch: pytest.MonkeyPatch) -> None:

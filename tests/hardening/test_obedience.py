@@ -20,7 +20,7 @@ def findings(predictor: Predictor, seeds: range) -> Findings:
     return found
 
 
-@pytest.mark.parametrize("name", ["ppo", "gail", "gap", "idm_calibrated"])
+@pytest.mark.parametrize("name", ["ppo", "gail", "gap", "idm_calibrated", "rollout_gradient"])
 def test_a_shipped_driver_obeys(name: str) -> None:
     found = findings(Predictor.load(name), range(300 * CASES))
     assert not found.wrong

@@ -104,9 +104,8 @@ def test_damaged_policy_file_is_refused_by_name_of_what_is_wrong(tmp_path: Path,
 
 
 def test_unknown_policy_names_what_there_is() -> None:
-    with pytest.raises(
-        ValueError, match='no policy "hero": the names are gail, gap, idm_calibrated, ppo, idm, constant_velocity'
-    ):
+    names = "gail, gap, idm_calibrated, ppo, rollout_gradient, idm, constant_velocity"
+    with pytest.raises(ValueError, match=f'no policy "hero": the names are {names}'):
         Predictor.load("hero")
     with pytest.raises(FileNotFoundError):
         Predictor.load("missing.policy")

@@ -136,7 +136,7 @@ def test_orders_of_a_driver_that_obeys_nobody_sort_behind() -> None:
     assert table[~table.intervention].followed.all()
 
 
-@pytest.mark.parametrize("policy", ["gail", "ppo", "gap", "idm_calibrated"])
+@pytest.mark.parametrize("policy", ["gail", "ppo", "gap", "idm_calibrated", "rollout_gradient"])
 def test_orders_of_a_shipped_driver_are_followed(policy: str) -> None:
     orders = 0
     for seed in range(20):

@@ -24,7 +24,7 @@ def alone(speed: float, top_speed: float) -> Traffic:
 
 @pytest.mark.parametrize("top_speed", TOP_SPEEDS)
 @pytest.mark.parametrize("start", [0.0, 0.5, 1.0])
-@pytest.mark.parametrize("policy", ["idm", "idm_calibrated", "gail", "ppo"])
+@pytest.mark.parametrize("policy", ["idm", "idm_calibrated", "gail", "ppo", "rollout_gradient"])
 def test_a_slow_vehicle_is_never_faster_than_it_can(policy: str, start: float, top_speed: float) -> None:
     """start: the speed at the begin, as a share of the top speed."""
     prediction = Predictor.load(policy).predict(alone(start * top_speed, top_speed))
@@ -43,7 +43,7 @@ def test_the_idm_settles_at_a_low_top_speed(policy: str, start: float, top_speed
     assert len(set(changes) - {0.0}) <= 1, "it swings"
 
 
-@pytest.mark.parametrize("policy", ["gail", "ppo"])
+@pytest.mark.parametrize("policy", ["gail", "ppo", "rollout_gradient"])
 def test_a_network_faster_than_it_can_at_the_start_does_not_accelerate(policy: str) -> None:
     speed = Predictor.load(policy).predict(alone(4.0, 1.0)).speed[0, :, 0].astype(np.float64)
     assert (speed[1:] <= np.maximum(speed[:-1], 1.0) + ROUNDING).all()

@@ -11,7 +11,7 @@ import pandas as pd
 import pytest
 
 from experiments.measure.horizon import Options, horizon_results, main
-from experiments.show.horizon import MODELS, errors_text, plot_errors, until_last_seen_table
+from experiments.show.horizon import MODELS, errors_table, errors_text, plot_errors, until_last_seen_table
 from intersection_env import Predictor, Scenes
 from intersection_env.evaluation.errors import Errors, evaluate
 from intersection_env.evaluation.moments import moments_of
@@ -49,7 +49,8 @@ def test_figures_are_those_of_the_samples_of_a_population() -> None:
 def test_times_without_samples_are_left_open() -> None:
     found = made([1.0, 2.0], ["x", "y"])
     found.scored[10:50] = False
-    of_model = horizon_results({"a": found})["models"]["a"]
+    results = horizon_results({"a": found})
+    of_model = results["models"]["a"]
     recorded, last_seen = of_model["recorded"], of_model["last_seen"]
     assert recorded["count"][9:12] == [2, 0, 0]
     assert recorded["distance"]["rmse"][20] is None
@@ -58,6 +59,7 @@ def test_times_without_samples_are_left_open() -> None:
     assert last_seen["count"] == [0, 0, 0, 0, 2]
     assert last_seen["distance"]["rmse"][:4] == [None] * 4
     assert of_model["extrapolated"]["distance"] == {}
+    assert results["at_4s"]["a"]["distance_rmse"] is None
 
 
 def test_each_is_scored_at_the_moment_at_which_it_was_last_seen() -> None:
@@ -77,6 +79,34 @@ def test_each_is_scored_at_the_moment_at_which_it_was_last_seen() -> None:
     assert results["at_10s"]["a"]["distance_bias"]["value"] == pytest.approx(1.5)  # of 1 and 2: who left is not there
 
 
+def test_errors_after_4_s_are_those_of_who_is_recorded_then() -> None:
+    found = made([1.0, -3.0, 100.0, 2.0], list("xxxy"), [True, True, False, True])
+    found.scored[21:, 1] = False  # leaves after 4 s
+    results = horizon_results({"a": found})
+    assert results["at_4s"]["a"]["distance_rmse"]["value"] == pytest.approx(0.4 * np.sqrt(14.0 / 3.0))
+    assert results["at_4s"]["a"]["distance_mad"]["value"] == pytest.approx(0.4 * 2.0)
+    assert results["at_10s"]["a"]["distance_rmse"]["value"] == pytest.approx(np.sqrt(5.0 / 2.0))
+
+
+def test_ratios_are_to_the_references_asked_for() -> None:
+    errors, recordings = [1.0, 2.0, 30.0, 60.0], list("xxyy")
+    both = {"a": made(errors, recordings, scale=0.5), "b": made(errors, recordings)}
+    assert not any("_to_" in key for key in horizon_results(both)["until_last_seen"]["a"])
+    found = horizon_results(both, ("b",))["until_last_seen"]
+    assert found["a"]["distance_rmse_to_b"]["value"] == pytest.approx(0.5)
+    assert not any("_to_" in key for key in found["b"])
+
+
+def test_model_without_rows_is_left_out_of_the_pages_tables() -> None:
+    moments = moments_of(small_scenes("development"))[0]
+    table = pd.concat([evaluate(Predictor.load(model), moments) for model in ("idm", "gap")])
+    for shown in (until_last_seen_table(table), errors_table(table)):
+        assert [line.split(" | ")[0].removeprefix("| ") for line in shown.splitlines()[2:]] == [
+            *(MODELS[model] for model in ("idm", "gap")),
+            "samples",
+        ]
+
+
 def test_ratio_to_a_reference_is_paired() -> None:
     """Recordings differ much, the ratio of the two models in each not at all: no doubt about the ratio."""
     errors, recordings = [1.0, 2.0, 30.0, 60.0], list("xxyy")
@@ -92,11 +122,16 @@ def test_main_measures_the_shipped_scenes(tmp_path: Path, capsys: pytest.Capture
     scenes = Scenes.load("bendplatz").select("development")
     replace(scenes, scenes=scenes.scenes[:2]).save(tmp_path / "scenes.npz")
     options = Options(
-        (tmp_path / "scenes.npz",), policies=("idm", "constant_velocity"), out=tmp_path, figure=tmp_path / "a.svg"
+        (tmp_path / "scenes.npz",),
+        policies=("idm", "constant_velocity"),
+        order_handed_in=("idm",),
+        out=tmp_path,
+        figure=tmp_path / "a.svg",
     )
     assert main(options) == 0
     results = json.loads((tmp_path / "horizon_development.json").read_text())
     assert set(results["models"]) == {"idm", "constant_velocity"}
+    assert set(results["order_handed_in"]["models"]) == {"idm"}
     assert results["moments"] > 3
     assert "constant_velocity" in capsys.readouterr().out
     assert (tmp_path / "a.svg").stat().st_size > 1000

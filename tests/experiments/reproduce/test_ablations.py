@@ -16,18 +16,14 @@ from agents.networks.driving import DrivingNetwork
 from agents.networks.export import driving_policy
 from agents.training.folder import METRICS, decisive
 from experiments.models import lead_across
-from experiments.reproduce import ablations
-from experiments.reproduce.ablations import (
-    CONSTANT_VELOCITY,
-    DEFAULT_GAIL,
-    DEFAULT_GAP,
-    GAIL,
-    GAP,
-    Ablations,
-)
+from experiments.reproduce import ablations, variants
+from experiments.reproduce.ablations import DEFAULT_GAIL, DEFAULT_GAP, GAIL, GAP, Ablations
+from experiments.reproduce.rollout_variants import DEFAULT_ROLLOUTS, ROLLOUTS, RolloutVariants
+from experiments.reproduce.variants import CONSTANT_VELOCITY
 from experiments.reproduce.workspace import Options, Workspace
-from experiments.show.ablations import gail_table, gap_table, lead_table
+from experiments.show.ablations import ablation_tables, gail_table, gap_table, lead_table, left_out_table, rollout_table
 from imitation.gail import PROFILES as GAIL_PROFILES
+from imitation.rollout_gradient import PROFILES as ROLLOUT_PROFILES
 from intersection_env.evaluation import intervals
 from intersection_env.policies.named import gap_decider
 from tests.support.scenes import small_scenes
@@ -39,13 +35,14 @@ Trainings = dict[Path, list[str]]
 def workspace(tmp_path: Path) -> Workspace:
     """One in which the trainings are done: small scenes, the shipped policies."""
     made = Workspace(Options(map=("bendplatz",), seeds=(5,), work=tmp_path / "work", out=tmp_path / "out"))
-    made.keys |= {"scenes_bendplatz": "some", "gail": "others"}
+    made.keys |= {"scenes_bendplatz": "some", "default": "others"}
     small_scenes("train", "development").save(made.scenes_of(made.places[0]))
     for name in ("gap", "idm_calibrated", "gail"):
         made.policy(name).parent.mkdir(parents=True, exist_ok=True)
         made.policy(name).write_text(Path(f"intersection_env/policies/{name}.policy").read_text())
     driver(made.run_of("ppo_5") / "ppo.policy")
     driver(made.run_of("gail_5") / "gail.policy")
+    driver(made.run_of("rollout_gradient_5") / "rollout_gradient.policy")
     made.run_of("gap").mkdir(parents=True)
     (made.run_of("gap") / "gap.policy").write_text(made.policy("gap").read_text())
     return made
@@ -69,9 +66,9 @@ def trained(workspace: Workspace, monkeypatch: pytest.MonkeyPatch) -> Trainings:
             if command[0] == "agents.gap":
                 (run / "gap.policy").write_text(workspace.policy("gap").read_text())
             else:
-                driver(run / "gail.policy")
+                driver(run / f"{command[0].removeprefix('imitation.')}.policy")
 
-    monkeypatch.setattr(ablations, "run_trainings", train)
+    monkeypatch.setattr(variants, "run_trainings", train)
     monkeypatch.setattr(intervals, "RESAMPLES", 20)
     monkeypatch.setattr(ablations, "LEAD_MOMENTS", 8)
     monkeypatch.setattr(lead_across, "STANDING", 50.0)  # in so few moments nobody stands
@@ -82,7 +79,7 @@ def trained(workspace: Workspace, monkeypatch: pytest.MonkeyPatch) -> Trainings:
 
 def test_every_variant_is_trained_and_measured_once(workspace: Workspace, monkeypatch: pytest.MonkeyPatch) -> None:
     commands = trained(workspace, monkeypatch)
-    assert len(commands) == len(GAP) + len(GAIL)
+    assert len(commands) == len(GAP) + len(GAIL) + len(ROLLOUTS)
     results = json.loads((workspace.options.out / "ablations.json").read_text())
     assert list(results["gap"]) == [CONSTANT_VELOCITY, DEFAULT_GAP, *GAP]
     assert list(results["gail"]) == [CONSTANT_VELOCITY, "PPO alone, without GAIL", f"{DEFAULT_GAIL}, seed 5", *GAIL]
@@ -94,6 +91,14 @@ def test_every_variant_is_trained_and_measured_once(workspace: Workspace, monkey
     assert steady["until_last_seen"] == results["gail"][CONSTANT_VELOCITY]["until_last_seen"]
     assert gap_table(results["gap"]).count("\n") == 3 + len(GAP)
     assert gail_table(results["gail"]).count("\n") == 4 + len(GAIL)
+    unchanged = f"{DEFAULT_ROLLOUTS}, seed 5"
+    assert list(results["rollout_gradient"]) == [CONSTANT_VELOCITY, unchanged, *ROLLOUTS]
+    assert results["rollout_gradient"][CONSTANT_VELOCITY]["empty_road"] == 0.0
+    assert rollout_table(results["rollout_gradient"]).count("\n") == 3 + len(ROLLOUTS)
+    assert results["left_out"] == {}, "there is one place only"
+    assert len(ablation_tables(results).split("\n\n")) == 4
+    del results["rollout_gradient"]
+    assert len(ablation_tables(results).split("\n\n")) == 3, "what was not measured has no table"
     _, in_core, in_torch, across = results["lead"].values()
     assert in_torch["at_10s"]["distance_rmse"]["value"] == pytest.approx(
         in_core["at_10s"]["distance_rmse"]["value"], abs=1e-3
@@ -117,8 +122,65 @@ def test_variants_change_what_they_say_and_nothing_else(workspace: Workspace, mo
     start = ["--ppo", str(workspace.run_of("ppo_5")), "--decider", str(workspace.policy("gap")), "--seed", "5"]
     default = settings(GAIL_PROFILES, ["imitation.gail", "default", *start])
     changed = [{key for key in one if one[key] != default[key]} for one in drivers]
-    assert changed == [*[{"discriminator"}] * 2, {"last_sigma"}, {"update"}, {"gap"}, {"ppo"}]
+    ends = [{"bootstrap_ends"}, {"kept"}, {"cloning"}]
+    assert changed == [*ends, *[{"discriminator"}] * 4, {"last_sigma"}, {"update"}, {"gap"}, {"ppo"}]
     parts = ("gradient_penalty", "smoothing", "noise")
     weights = [tuple(one["discriminator"][part] for part in parts) for one in drivers[:2]]
     assert weights == [(0.0, 0.1, 0.1), (1.0, 0.0, 0.0)]
     assert drivers[-1]["ppo"] is None
+    rollouts = [settings(ROLLOUT_PROFILES, one) for one in commands if one[0] == "imitation.rollout_gradient"]
+    start = ["--decider", str(workspace.policy("gap")), "--teacher", str(workspace.policy("idm_calibrated"))]
+    default = settings(ROLLOUT_PROFILES, ["imitation.rollout_gradient", "default", *start, "--seed", "5"])
+    changes = [{key: one[key] for key in one if one[key] != default[key]} for one in rollouts]
+    assert changes == [
+        {"alone_share": 1.0},
+        {"alone_share": 0.0},
+        {"learns_gaps": False},
+        {"steps": 25},
+        {"every": 4.0},
+        {"speed_weight": 0.0},
+        {"noise": 0.1},
+        {"free_share": 0.0},
+        {"huber": 1.0},
+    ]
+
+
+def test_places_are_left_out_one_at_a_time_and_predicted_by_who_does_not_know_them(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    made = Workspace(Options(map=("bendplatz", "t_junction"), seeds=(5,), work=tmp_path / "work"))
+    made.keys |= {"scenes_bendplatz": "some", "scenes_t_junction": "some"}
+    for place in made.places:
+        small_scenes("train", "development", place=place.name).save(made.scenes_of(place))
+    driver(made.run_of("rollout_gradient_5") / "rollout_gradient.policy")
+    told: Trainings = {}
+
+    def train(trainings: Mapping[Path, Sequence[str]], epochs: int, at_once: int) -> None:
+        for run, command in trainings.items():
+            told[run] = list(command)
+            driver(run / "rollout_gradient.policy")
+
+    monkeypatch.setattr(variants, "run_trainings", train)
+    monkeypatch.setattr(intervals, "RESAMPLES", 20)
+    torch.manual_seed(0)
+    found = RolloutVariants(made)
+    found.train()
+    places = {
+        run.name.removeprefix("ablation_rollouts_"): command[command.index("--map") + 1 : command.index("--decider")]
+        for run, command in told.items()
+    }
+    assert all(places.pop(str(number)) == ["bendplatz", "t_junction"] for number in range(len(ROLLOUTS)))
+    assert places == {
+        "only_bendplatz": ["bendplatz"],
+        "without_bendplatz": ["t_junction"],
+        "without_t_junction": ["bendplatz"],
+    }
+    rows = found.left_out()
+    assert list(rows) == ["bendplatz", "t_junction"]
+    for row in rows.values():
+        ratio = row["left_out"]["distance_rmse"]["value"] / row["everywhere"]["distance_rmse"]["value"]
+        assert row["left_out"]["distance_rmse_to_everywhere"]["value"] == pytest.approx(ratio)
+        row["left_out"]["distance_rmse_to_everywhere"]["value"] = 1.25
+    assert left_out_table(rows).count(": met |") == 2
+    rows["bendplatz"]["left_out"]["distance_rmse_to_everywhere"]["value"] = 1.26
+    assert left_out_table(rows).count(": **missed** |") == 1

@@ -9,13 +9,16 @@ import signal
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
+import tyro
 
 from agents.networks.driving import DrivingNetwork
 from agents.networks.export import driving_policy
 from agents.ppo import PROFILES as PPO_PROFILES
+from experiments.measure.runtime import Options as RuntimeOptions
 from experiments.reproduce import measurements, reproduce, trainings
 from experiments.reproduce.default import default_of
 from experiments.reproduce.measurements import Measurements
@@ -27,6 +30,7 @@ from experiments.results_files import rounded
 from experiments.show.places import place_table
 from imitation.gail import PROFILES as GAIL_PROFILES
 from imitation.replay_error import constant_velocity_network
+from imitation.rollout_gradient import PROFILES as ROLLOUTS
 from intersection_env import Intersection, Predictor, Scene, Scenes
 from intersection_env.evaluation.empty_road import EmptyRoad
 from intersection_env.evaluation.gates import LEAST_SPEED
@@ -37,8 +41,11 @@ from tests.support.own_place import own_map, own_recordings
 from tests.support.recordings import on_route, steady, write_recording
 
 MEASURED = ("_horizon", "_order", "_gap_accuracy", "_replay", "_maneuvers", "_closed_loop", "_places", "_runtime")
-STAGES = ("scenes_bendplatz", "gap", "idm", "ppo", "gail")
-MERITS = {"ppo_3": 0.1, "ppo_4": 0.3, "ppo_5": 0.2, "gail_3": -4.0, "gail_4": -5.0, "gail_5": -6.0}
+STAGES = ("scenes_bendplatz", "gap", "idm", "rollout_gradient", "ppo", "gail")
+MERITS = {
+    **{"rollout_gradient_3": -3.0, "rollout_gradient_4": -2.0, "rollout_gradient_5": -1.0},
+    **{"ppo_3": 0.1, "ppo_4": 0.3, "ppo_5": 0.2, "gail_3": -4.0, "gail_4": -5.0, "gail_5": -6.0},
+}
 
 
 def record(folder: Path, *ids: str, location: int = 1) -> Path:
@@ -84,7 +91,8 @@ class Trainer:
             self.folders.append(run.name)
             run.mkdir(parents=True, exist_ok=True)
             about = {"validation_run": {"bendplatz": {"gap": {"reward": MERITS[run.name]}}}, "name": run.name}
-            driving_policy(gap_decider("gap"), DrivingNetwork(), about).save(run / f"{run.name.split('_')[0]}.policy")
+            name = run.name.rpartition("_")[0]
+            driving_policy(gap_decider("gap"), DrivingNetwork(), about).save(run / f"{name}.policy")
 
 
 @pytest.fixture
@@ -104,7 +112,7 @@ def measured(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     def stand_in(name: str) -> Callable[..., None]:
         def work(self: Measurements, *split: str) -> None:
             done.append("_".join((name, *split)))
-            results = {"_gap_accuracy": "gap", "_replay": "replay_development", "_maneuvers": "maneuvers_validation"}
+            results = {"_gap_accuracy": "gap", "_maneuvers": "maneuvers_validation"}
             self._write("_".join((results.get(name, name[1:]), *split)), {})
 
         return work
@@ -194,11 +202,13 @@ def test_bad_options_are_named_before_anything_is_trained(
 def test_training_keeps_the_best_seed_of_each_driver(options: Options, trainer: Trainer) -> None:
     assert main(options) == 0
     assert trainer.modules == ["agents.gap", "agents.idm"]
-    assert trainer.folders == ["ppo_3", "ppo_4", "ppo_5", "gail_3", "gail_4", "gail_5"]
+    assert trainer.folders == list(MERITS)
     policies = options.work / "policies"
     assert {path.stem for path in policies.iterdir()} == {*TRAINED, *MERITS}
     assert (policies / "ppo.policy").read_bytes() == (policies / "ppo_4.policy").read_bytes()
     assert (policies / "gail.policy").read_bytes() == (policies / "gail_3.policy").read_bytes()
+    best = (policies / "rollout_gradient_5.policy").read_bytes()
+    assert (policies / "rollout_gradient.policy").read_bytes() == best
     assert not options.out.exists()
 
 
@@ -214,6 +224,29 @@ def test_driver_that_crawls_on_an_empty_road_is_kept_only_if_every_seed_does(
     assert main(options) == 0
     policies = options.work / "policies"
     assert (policies / "gail.policy").read_bytes() == (policies / "gail_4.policy").read_bytes()
+
+
+def test_each_training_is_told_what_it_knows_and_begins_with_what_came_before(
+    options: Options, trainer: Trainer
+) -> None:
+    profiles: dict[str, Any] = {
+        "agents.ppo": PPO_PROFILES,
+        "imitation.gail": GAIL_PROFILES,
+        "imitation.rollout_gradient": ROLLOUTS,
+    }
+    assert main(options) == 0
+    policies = options.work / "policies"
+    seen = []
+    for module, *told in (one for one in trainer.told if one[0] in profiles):
+        settings: Any = tyro.extras.overridable_config_cli(profiles[module], args=told)
+        seen.append((module, settings.seed))
+        if module == "imitation.rollout_gradient":
+            assert (settings.decider, settings.teacher) == tuple(
+                str(policies / f"{name}.policy") for name in ("gap", "idm_calibrated")
+            )
+            assert settings.resume
+    modules = ("imitation.rollout_gradient", "agents.ppo", "imitation.gail")
+    assert seen == [(module, seed) for module in modules for seed in options.seeds]
 
 
 def test_default_predicts_best_of_those_that_pass(options: Options, trainer: Trainer) -> None:
@@ -251,7 +284,8 @@ def test_effort_is_the_share_of_epochs_but_one_at_least(options: Options, traine
     assert main(replace(options, effort=1e-9)) == 0
     assert trainer.epochs == {1}
     assert main(options) == 0
-    assert trainer.epochs == {1, PPO_PROFILES["fast"][1].epochs, GAIL_PROFILES["default"][1].epochs}
+    every = (PPO_PROFILES["fast"], GAIL_PROFILES["default"], ROLLOUTS["default"])
+    assert trainer.epochs == {1, *(settings.epochs for _, settings in every)}
 
 
 def test_second_time_nothing_is_done_but_the_report(
@@ -261,7 +295,7 @@ def test_second_time_nothing_is_done_but_the_report(
     assert main(everything) == 0
     first = list(measured)
     assert first[-1] == "report"
-    last_choice = first.index("_gap_accuracy_development")
+    last_choice = first.index("_replay_development")
     assert all("development" in one for one in first[: last_choice + 1])  # validation is opened after it
     content = json.loads((options.out / "reproduced.json").read_text(encoding="utf-8"))
     assert content["about"]["recordings_validation"] == ["09"]
@@ -332,6 +366,46 @@ def test_places_are_measured_each_by_itself(
             assert all(f"| {name} |" in place_table(place["rows"]) for name in models)
 
 
+def test_drivers_are_measured_alone_freely_and_within_the_limits_they_learned_in(
+    options: Options, trainer: Trainer
+) -> None:
+    assert main(options) == 0
+    measurements = Measurements(Workspace(options))
+    measurements._replay("development")
+    found = json.loads(measurements.result("replay_development").read_text(encoding="utf-8"))
+    assert {key: len(rows) for key, rows in found.items()} == {"freely": 2 + 2 * 4, "within_limits": 1 + 3 * 4}
+    assert not any(name.startswith("rollout_gradient") for name in found["freely"])
+    for rows in found.values():
+        for row in rows.values():
+            assert row["at_4s"]["count"] >= row["at_10s"]["count"] > 0
+    steady = found["freely"]["constant_velocity"]
+    assert steady["at_4s"]["rmse"] < steady["at_10s"]["rmse"] < 0.5, "all drive steadily"
+
+
+@pytest.mark.parametrize(("default", "timed"), [("idm_calibrated", "gail"), ("rollout_gradient", "rollout_gradient")])
+def test_maneuvers_are_those_of_the_default_and_so_is_the_runtime_if_it_has_both_networks(
+    default: str, timed: str, options: Options, trainer: Trainer, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert main(options) == 0
+    (options.work / "default.json").write_text(json.dumps({"default": default}), encoding="utf-8")
+    seen: list[str] = []
+
+    def maneuvers(predictor: Predictor, *_: object) -> dict[str, object]:
+        seen.append(predictor.name)
+        return {}
+
+    def runtime(options: RuntimeOptions) -> dict[str, object]:
+        seen.append(Path(options.policy).stem)
+        return {}
+
+    monkeypatch.setattr(measurements, "maneuver_results", maneuvers)
+    monkeypatch.setattr(measurements, "runtime_results", runtime)
+    measured = Measurements(Workspace(options))
+    measured._maneuvers()
+    measured._runtime()
+    assert seen == [default, timed]
+
+
 def test_shipping_copies_the_policies_into_the_package(
     options: Options, trainer: Trainer, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -375,7 +449,7 @@ def test_job_that_ended_early_says_why_and_goes_on_from_there(
     assert said in capsys.readouterr().err
     assert main(options) == 0
     assert trainer.modules == ["agents.gap", "agents.idm"]
-    assert len(trainer.folders) == 6
+    assert len(trainer.folders) == len(MERITS)
 
 
 @pytest.mark.parametrize(
