@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from imitation.empty_road_states import FASTEST, STANDING, empty_road_states
+from imitation.expert import expert_steps
 from intersection_env import Intersection
 from intersection_env.constants import FREE_LEAD_SPEED, LEAD_RANGE
 from intersection_env.features import Driving
 from intersection_env.maps.intersection import shipped_maps
+from intersection_env.scenes.places import ALL_SCENES
 
 COUNT = 1000
 
@@ -45,3 +49,13 @@ def test_states_follow_the_generator() -> None:
     one, same, other = (empty_road_states(map_, 20, np.random.default_rng(seed)) for seed in (1, 1, 2))
     np.testing.assert_array_equal(one, same)
     assert not np.array_equal(one, other)
+
+
+@pytest.mark.parametrize("name", ALL_SCENES)
+def test_no_recorded_vehicle_that_is_free_stands_before_its_line(name: Path) -> None:
+    """Nobody ahead, no one to wait for, and more than 2 m to go: what it would do there no recording says."""
+    seen = expert_steps(name, "train").observation
+    free = (seen[:, Driving.LEAD_DISTANCE] > 60.0) & (seen[:, Driving.ENTERS] == 1.0)
+    speed = seen[free & (seen[:, Driving.DISTANCE_TO_STOP_LINE] > 2.0), Driving.SPEED]
+    assert len(speed) > 7000
+    assert speed.min() > 1.0
