@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -20,20 +21,27 @@ HIDDEN = 64  # paper, Table III
 class DiscriminatorSettings:
     """How the discriminator learns."""
 
-    updates: int = 4
-    """In an epoch, each on all of the policy's steps; paper, Table III."""
+    passes: int = 4
+    """In an epoch, over all of the policy's steps; paper, Table III (there an update is on all at once)."""
+    minibatches: int = 8
+    """Of these steps, one update each."""
     learning_rate: float = 1e-3
     """Paper, Table III."""
     smoothing: float = 0.1
     """Labels are this far from 0 and 1."""
     noise: float = 0.1
     """Deviation of what is added to the normalised features of both sides."""
-    gradient_penalty: float = 1.0
+    gradient_penalty: float = 0.01
     """Weight of the squared gradient at points between both sides.
 
     Source: Mescheder et al. 2018, "Which training methods for GANs do actually converge?": drawn to 0, not to 1."""
     most_accuracy: float = 1.0
     """Above it, an update is left out."""
+
+    def parts(self, rows: Tensor, generator: torch.Generator) -> Iterator[Tensor]:
+        """The rows of each update of an epoch."""
+        for _ in range(self.passes):
+            yield from rows[torch.randperm(len(rows), generator=generator)].chunk(self.minibatches)
 
 
 class Discriminator(nn.Module):

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
 from pathlib import Path
 
 import numpy as np
@@ -28,6 +29,11 @@ class ExpertSteps:
 
     def __len__(self) -> int:
         return len(self.acceleration)
+
+    @classmethod
+    def joined(cls, parts: Sequence[ExpertSteps]) -> ExpertSteps:
+        """Those of several places, in a row; `track` then counts from 0 in each."""
+        return cls(*(np.concatenate([getattr(part, one.name) for part in parts]) for one in fields(cls)))
 
 
 def expert_steps(scenes: str | Path | Scenes, split: str | None, gap: str | Path = "recording") -> ExpertSteps:

@@ -7,7 +7,6 @@ python -m imitation.gail paper --scenes mine.npz --map mine.json --run runs/mine
 
 from __future__ import annotations
 
-import dataclasses
 import sys
 from collections.abc import Sequence
 from copy import deepcopy
@@ -29,26 +28,18 @@ from agents.training.command import Command
 from agents.training.folder import CHECKPOINT, RunFolder, decisive, file_hash, joint_hash, state_hash
 from agents.training.loop import Epochs, geometric, linear
 from agents.training.seeds import train_seeds
+from imitation.cloning import Cloning, Examples, examples_of
+from imitation.closer_look import closer_look, last_look, watched
 from imitation.discriminator import Discriminator, DiscriminatorLoss, DiscriminatorSettings
-from imitation.expert import expert_steps
-from imitation.replay_error import replay_error
-from intersection_env.constants import DT, STEPS
-from intersection_env.evaluation.empty_road import empty_road
-from intersection_env.evaluation.errors import distance_error, figures_until_last_seen
-from intersection_env.evaluation.moments import Moment, followed
-from intersection_env.evaluation.places import moments_in
-from intersection_env.policies.file import PolicyFile
+from imitation.empty_road_states import empty_road_states
+from imitation.expert import ExpertSteps, expert_steps
+from imitation.usable_places import usable_places
+from intersection_env.evaluation.gates import LEAST_SPEED
 from intersection_env.policies.named import gap_decider
-from intersection_env.prediction.predictor import Predictor
-from intersection_env.scenes.places import ALL_SCENES, each_place, load_places, map_names
-from intersection_env.scenes.scene import SPLITS
+from intersection_env.scenes.places import ALL_SCENES, each_place, map_names
 from intersection_env.scenes.scenes import Scenes, scenes_path
-from intersection_env.worlds.recorded_tracks import steps_to_act
-from intersection_env.worlds.replay import ReplayWorlds
 
 COMMAND = "python -m imitation.gail"
-STEADY = "constant_velocity"  # beside which predictions are shown
-BETWEEN_MOMENTS = 4.0  # [s], of those that are predicted
 
 
 @dataclass(frozen=True)
@@ -86,6 +77,13 @@ class GailSettings:
     """Fallen to geometrically."""
     reward_scale: float = 0.1
     """Rewards are multiplied by it."""
+    bootstrap_ends: bool = False
+    """Whether the value of what was seen last stands for what follows where a track or a route ends; else nothing
+    follows, and 0, the reward where there is no telling, stands for it."""
+    cloning: float = 0.2
+    """Weight in the policy's loss of the squared difference to the recorded accelerations [1/(m/s²)²]."""
+    kept: float = 0.35
+    """Share of the states that are cloned in which a car is alone on an empty road, and PPO's policy is followed."""
     update: UpdateSettings = field(default_factory=lambda: UpdateSettings(passes=5, minibatches=8))
     discriminator: DiscriminatorSettings = field(default_factory=DiscriminatorSettings)
     seed: int = 0
@@ -101,6 +99,8 @@ class GailSettings:
     """Epochs."""
 
 
+CLONED, EMPTY_ROAD = 2048, 4000
+"""States in each update, about as many as a minibatch of the replays has, and of an empty road on each map; ours."""
 PROFILES = {
     "default": ("in minutes on two cores", GailSettings()),
     "paper": (
@@ -109,7 +109,11 @@ PROFILES = {
             epochs=12_000,
             learning_rate=3e-4,
             last_learning_rate=3e-5,
+            bootstrap_ends=True,
+            cloning=0.0,
+            kept=0.0,
             update=UpdateSettings(passes=10, minibatches=1),
+            discriminator=DiscriminatorSettings(minibatches=1, gradient_penalty=1.0),
         ),
     ),
 }
@@ -124,6 +128,8 @@ def train_driver(
 ) -> Driver:
     """The trained driver: its policy is that of the checkpoint that predicts development best.
 
+    A checkpoint that stands or crawls on an empty road counts only if all do.
+
     Args:
         scenes: recorded scenes, of one place or several; those for training are learned from, those for development
             watched.
@@ -137,14 +143,14 @@ def train_driver(
         ValueError: no usable scene.
     """
     decider, places = gap_decider(settings.decider), each_place(scenes)
-    watched = _watched(places)
-    if not watched:
+    seen = watched(places)
+    if not seen:
         raise ValueError("no moment of the development scenes to predict from")
-    best: dict[str, Any] = {"error": float("inf")}
+    best: dict[str, Any] = {"crawls": True, "error": float("inf")}
     torch.manual_seed(settings.seed)  # the networks' first weights
     generator = torch.Generator().manual_seed(settings.seed)
-    recorded = [expert_steps(place, "train", settings.gap).observation for place in places]
-    expert = torch.from_numpy(np.concatenate(recorded))
+    steps = ExpertSteps.joined([expert_steps(place, "train", settings.gap) for place in places])
+    expert = torch.from_numpy(steps.observation)
     driver = Driver(DrivingNetwork(), DrivingNetwork(), settings.sigma)
     if start is not None:
         driver.policy.load_state_dict(start.policy.state_dict())
@@ -153,6 +159,7 @@ def train_driver(
     discriminator = Discriminator.of(expert)
     loss = DiscriminatorLoss(discriminator, settings.discriminator, generator)
     optimizer = torch.optim.Adam(discriminator.parameters(), lr=settings.discriminator.learning_rate)
+    cloning = Cloning(driver.policy, _examples(steps, start, places, settings), generator)
 
     def make(*, worlds: int, threads: int) -> list[ReplayEnv]:
         counts = shares(worlds, len(places))
@@ -185,10 +192,10 @@ def train_driver(
         )
         for epoch, rollout in zip(epochs, collector, strict=True):
             row: dict[str, Any] = {}
-            seen = rollout["observation"].reshape(-1, expert.shape[1])
-            for _ in range(settings.discriminator.updates):
-                shown = expert[torch.randint(len(expert), (len(seen),), generator=generator)]
-                terms = loss(TensorDict({"expert": shown, "policy": seen}))
+            acted = rollout["observation"].reshape(-1, expert.shape[1])
+            for part in settings.discriminator.parts(acted, generator):
+                shown = expert[torch.randint(len(expert), (len(part),), generator=generator)]
+                terms = loss(TensorDict({"expert": shown, "policy": part}))
                 row["accuracy"] = float(terms["accuracy"])
                 if row["accuracy"] <= settings.discriminator.most_accuracy:
                     optimizer.zero_grad()
@@ -198,15 +205,19 @@ def train_driver(
             reward = discriminator.reward(rollout["observation"]).unsqueeze(-1)
             row["reward"] = float(reward.mean())
             rollout["next", "reward"].copy_(settings.reward_scale * reward)
+            if not settings.bootstrap_ends:
+                rollout["next", "terminated"].copy_(rollout["next", "done"])
             samples = update.advantages(rollout)
             rate = linear(settings.learning_rate, settings.last_learning_rate, epochs.share)
-            row |= update(samples, rate, generator, value_only=epoch <= settings.value_epochs)
+            beside = (lambda: settings.cloning * cloning()) if settings.cloning else None
+            row |= update(samples, rate, generator, value_only=epoch <= settings.value_epochs, beside=beside)
             driver.sigma.fill_(geometric(settings.sigma, settings.last_sigma, epochs.share))
             collector.update_policy_weights_()
             if epochs.is_due:
-                row |= _looked_closer(driver.policy, decider, places, watched)
-                if row["predicted"] < best["error"]:
-                    best |= {"error": row["predicted"], "epoch": epoch, "policy": deepcopy(driver.policy.state_dict())}
+                row |= closer_look(driver.policy, driving_policy(decider, driver.policy, {}), places, seen)
+                found = {"crawls": row["empty_road"]["least"] < LEAST_SPEED, "error": row["predicted"]}
+                if (found["crawls"], found["error"]) < (best["crawls"], best["error"]):
+                    best |= found | {"epoch": epoch, "policy": deepcopy(driver.policy.state_dict())}
                 epochs.show(
                     accuracy=f"{row['accuracy']:.2f}",
                     alone="nobody" if (alone := row["development"]["rmse"]) is None else f"{alone:.1f}",
@@ -217,26 +228,6 @@ def train_driver(
             epochs.end(row)
     driver.policy.load_state_dict(best["policy"])
     return driver
-
-
-def usable_places(paths: Sequence[Path], maps: Sequence[str] = ()) -> tuple[Scenes, ...]:
-    """The scenes of each file, each with vehicles to learn from and others to watch for 10 s.
-
-    Raises:
-        ValueError: a file is damaged or made for something else, or a split of it has no such vehicle.
-        OSError: one cannot be read.
-    """
-    places = load_places(paths, maps)
-    for path, place in zip(paths, places, strict=True):
-        for split, steps in zip(SPLITS, (1, STEPS + 1), strict=False):
-            try:
-                recorded = ReplayWorlds(place, split=split).tracks
-            except ValueError as error:
-                raise ValueError(f'{path}, split "{split}": {error}') from None
-            tracks = [track for scene in recorded.scenes for track in scene.tracks]
-            if max(steps_to_act(tracks[index]) for index in recorded.actors) < steps:
-                raise ValueError(f'{path}, split "{split}": nobody is recorded for more than {STEPS * DT:.0f} s')
-    return places
 
 
 def start_of(run: Path) -> Driver:
@@ -269,31 +260,17 @@ def _hashes(settings: GailSettings, start: Driver | None) -> dict[str, Any]:
     return hashes
 
 
-def _figures(predictor: Predictor, places: Sequence[Scenes]) -> dict[str, Any]:
-    """How it predicts development, beside constant velocity, and how fast it is alone; printed too."""
-    moments = _watched(places)
-    until_last_seen = {one.name: figures_until_last_seen(one, moments) for one in (predictor, Predictor.load(STEADY))}
-    alone = empty_road(predictor, maps=[one.intersection for one in places])
-    print(f"until last seen, development [m]: {until_last_seen}")
-    print(f"on an empty road, speed as a share of the calibrated IDM's: {alone.figures()}; least: {alone.where}")
-    return {"until_last_seen": until_last_seen, "empty_road": alone.figures()}
-
-
-def _looked_closer(
-    policy: DrivingNetwork, decider: PolicyFile, places: Sequence[Scenes], watched: Sequence[Moment]
-) -> dict[str, Any]:
-    """What a checkpoint's row says of the driver: alone in replays, predicting, and on an empty road."""
-    predictor = Predictor(driving_policy(decider, policy, {}), "gail")
-    return {
-        "development": dataclasses.asdict(replay_error(policy, places, "development")),
-        "predicted": distance_error(predictor, watched),
-        "until_last_seen": figures_until_last_seen(predictor, watched),
-        "empty_road": empty_road(predictor, maps=[one.intersection for one in places]).figures(),
-    }
-
-
-def _watched(places: Sequence[Scenes]) -> list[Moment]:
-    return followed(moments_in(places, "development", BETWEEN_MOMENTS)[0])
+def _examples(
+    steps: ExpertSteps, start: Driver | None, places: Sequence[Scenes], settings: GailSettings
+) -> list[Examples]:
+    """What is cloned: the recorded drivers where they were, and PPO's policy, if there is one, on an empty road."""
+    kept = 0 if start is None else round(settings.kept * CLONED)
+    examples = [Examples(torch.from_numpy(steps.observation), torch.from_numpy(steps.acceleration), CLONED - kept)]
+    if start is not None and kept:
+        random = np.random.default_rng(settings.seed)
+        alone = [empty_road_states(place.intersection, EMPTY_ROAD, random) for place in places]
+        examples.append(examples_of(start.policy, torch.from_numpy(np.concatenate(alone)), kept))
+    return examples
 
 
 def main(settings: GailSettings) -> int:
@@ -301,6 +278,8 @@ def main(settings: GailSettings) -> int:
     if settings.seeds:
         return train_seeds(main, settings)
     with Command(settings.run / "gail.policy") as command:
+        if not 0.0 <= settings.kept < 1.0:
+            raise ValueError(f"kept is {settings.kept}; wanted a share from 0 to below 1")
         decider = gap_decider(settings.decider)
         places = usable_places(settings.scenes, settings.map)
         start = None if settings.ppo is None else start_of(settings.ppo)
@@ -308,12 +287,9 @@ def main(settings: GailSettings) -> int:
         data = joint_hash([*hashes["scenes"], *(one for name, one in hashes.items() if name != "scenes")])
         folder = RunFolder.begin(settings.run, decisive(settings), data, settings.resume, settings.tensorboard)
         driver = train_driver(places, start, settings, folder)
-        figures = dataclasses.asdict(replay_error(driver.policy, places, "development"))
         about: dict[str, Any] = {"made_by": COMMAND, "settings": decisive(settings)}
         about |= {"maps": map_names(places), "sha256": hashes}
-        about["development"] = {key: None if value is None else round(value, 6) for key, value in figures.items()}
-        print(f"alone among the recorded vehicles of development, 10 s: {about['development']}")
-        about |= _figures(Predictor(driving_policy(decider, driver.policy, {}), "gail"), places)
+        about |= last_look(driver.policy, driving_policy(decider, driver.policy, {}), places, "gail")
         driving_policy(decider, driver.policy, about).save(command.output)
     return command.status
 

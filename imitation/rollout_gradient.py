@@ -33,11 +33,11 @@ from imitation.adjoint import Motion, backward
 from imitation.closer_look import closer_look, last_look, watched
 from imitation.drives import Drives, free_drives, joined, recorded_drives
 from imitation.examples import free_examples, recorded_examples
-from imitation.gail import usable_places
 from imitation.joint_moments import JointMoments
 from imitation.map_tables import MapTables
 from imitation.torch_model import TorchPredictor
 from imitation.torch_networks import Networks
+from imitation.usable_places import usable_places
 from intersection_env.constants import STEPS
 from intersection_env.evaluation.moments import followed
 from intersection_env.evaluation.places import moments_in

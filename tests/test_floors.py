@@ -38,12 +38,11 @@ FLOORS = {
     "data": (("recording",), ("formats", "pipeline", "sumo"), ("build", "describe"), ("align",)),
     "agents": (("networks", "training"), ("rollouts",), ("gap", "idm", "ppo")),
     "imitation": (
-        ("tracks", "discriminator", "map_tables", "torch_networks", "examples"),
-        ("expert", "replay_error", "torch_model"),
-        ("closer_look", "drives"),
-        ("joint_moments",),
-        ("gail",),
-        ("rollout_gradient",),
+        ("tracks", "discriminator", "cloning", "empty_road_states", "map_tables", "torch_networks", "examples"),
+        ("expert", "replay_error", "torch_model", "along_route"),
+        ("adjoint", "closer_look", "usable_places"),
+        ("drives", "joint_moments"),
+        ("gail", "rollout_gradient"),
     ),
     "experiments": (
         ("results_files", "show", "models"),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -78,11 +79,17 @@ class PolicyUpdate:
         return samples
 
     def __call__(
-        self, samples: TensorDict, learning_rate: float, generator: torch.Generator, value_only: bool = False
+        self,
+        samples: TensorDict,
+        learning_rate: float,
+        generator: torch.Generator,
+        value_only: bool = False,
+        beside: Callable[[], Tensor] | None = None,
     ) -> dict[str, float]:
         """All passes over the samples of `advantages`, which it shuffles once; stops early at the largest KL.
 
         value_only: leave the policy as it is.
+        beside: another loss of the policy, added to that of each update.
 
         Returns:
             kl, of the last update's samples; clipped, their share; value_loss, mean; updates, their count.
@@ -99,6 +106,8 @@ class PolicyUpdate:
                 terms = self._loss(part)
                 self.optimizer.zero_grad()
                 loss = terms["loss_critic"] if value_only else terms["loss_critic"] + terms["loss_objective"]
+                if beside is not None and not value_only:
+                    loss = loss + beside()
                 loss.backward()
                 nn.utils.clip_grad_norm_(self.parameters, self.settings.gradient_norm)
                 self.optimizer.step()

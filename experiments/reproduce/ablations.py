@@ -42,6 +42,11 @@ GAP = {
 }
 """Options of `agents.gap.train`, where they are not the default ones."""
 GAIL = {
+    "ends of tracks bootstrapped": ["--bootstrap-ends"],
+    "PPO's policy not kept on an empty road": ["--kept", "0"],
+    "no cloning, nor PPO's policy kept": ["--cloning", "0"],
+    "the discriminator learns from all steps at once": ["--discriminator.minibatches", "1"],
+    "gradient penalty 1 instead of 0.01": ["--discriminator.gradient-penalty", "1"],
     "no gradient penalty": ["--discriminator.gradient-penalty", "0"],
     "no smoothed labels, no noise on inputs": ["--discriminator.smoothing", "0", "--discriminator.noise", "0"],
     "noise of actions does not fall": ["--last-sigma", str(GAIL_PROFILES["default"][1].sigma)],

@@ -7,6 +7,7 @@ import shutil
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 from agents.gap.train import PROFILES as GAP_PROFILES
 from agents.idm import ROUNDS
@@ -21,6 +22,7 @@ from experiments.results_files import write_result
 from imitation.closer_look import watched
 from imitation.gail import PROFILES as GAIL_PROFILES
 from imitation.rollout_gradient import PROFILES as ROLLOUT_PROFILES
+from intersection_env.evaluation.empty_road import empty_road
 from intersection_env.evaluation.errors import distance_error
 from intersection_env.evaluation.gates import LEAST_MEAN_SPEED, LEAST_SPEED, MOST_COLLISIONS
 from intersection_env.evaluation.moments import followed, moments_of
@@ -63,7 +65,7 @@ class Trainings:
         rollouts = policy("rollout_gradient")
         stage("rollout_gradient", ["gap", "idm"], rollouts, self._rollout_gradient, seeds=seeds, effort=effort)
         stage("ppo", ["gap"], policy("ppo"), self._ppo, seeds=seeds, effort=effort)
-        stage("gail", ["ppo"], policy("gail"), self._gail, effort=effort)
+        stage("gail", ["ppo", "idm"], policy("gail"), self._gail, effort=effort)
         drivers, limits = ["rollout_gradient", "gail"], [LEAST_SPEED, LEAST_MEAN_SPEED, MOST_COLLISIONS]
         stage("default", ["idm", *drivers], self.workspace.default, self._default, limits=limits)
 
@@ -140,10 +142,18 @@ class Trainings:
             self._keep(run / f"{name}.policy", run.name)
 
     def _predicting_best(self, name: str) -> None:
-        moments = watched(self.workspace.all_scenes())
-        self._best(name, lambda path: -distance_error(Predictor.load(path), moments))
+        seen = watched(self.workspace.all_scenes())
+        reference = Predictor.load(self.workspace.policy("idm_calibrated"))
 
-    def _best(self, name: str, merit: Callable[[Path], float]) -> None:
+        def merit(path: Path) -> tuple[bool, float]:
+            """Whoever crawls on an empty road is chosen only if all do."""
+            driver = Predictor.load(path)
+            alone = empty_road(driver, reference, self.workspace.places)
+            return alone.least >= LEAST_SPEED, -distance_error(driver, seen)
+
+        self._best(name, merit)
+
+    def _best(self, name: str, merit: Callable[[Path], Any]) -> None:
         merits = {seed: merit(self.workspace.policy(f"{name}_{seed}")) for seed in self.options.seeds}
         best = max(merits, key=merits.__getitem__)
         print(f"{name}: seed {best} of {merits}")

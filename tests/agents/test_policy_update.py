@@ -60,6 +60,28 @@ def test_an_update_of_the_value_alone_leaves_every_byte_of_the_policy() -> None:
     assert weights(of.value) != before[1]
 
 
+def test_another_loss_is_added_to_that_of_each_update() -> None:
+    of, asked = driver(), 0
+    data = Rollouts(worlds(), 32).collect(of)
+    update = PolicyUpdate(of, UpdateSettings(passes=2, minibatches=3, largest_kl=math.inf))
+    seen = data["observation"].reshape(-1, 12)
+
+    def beside() -> torch.Tensor:
+        nonlocal asked
+        asked += 1
+        loss: torch.Tensor = 1e3 * (of.policy(seen) - 1.0).square().mean()
+        return loss
+
+    before = float((of.policy(seen).detach() - 1.0).square().mean())
+    update(update.advantages(data), 1e-2, torch.Generator().manual_seed(0), beside=beside)
+    assert asked == 6
+    assert float((of.policy(seen).detach() - 1.0).square().mean()) < 0.9 * before
+    policy = weights(of.policy)
+    update(update.advantages(data), 1e-2, torch.Generator().manual_seed(0), value_only=True, beside=beside)
+    assert weights(of.policy) == policy
+    assert asked == 6
+
+
 def test_passes_end_at_the_largest_kl() -> None:
     within, beyond = 0.006, 0.05
     seen = {}

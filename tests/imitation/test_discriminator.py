@@ -115,6 +115,16 @@ def spied(logit: float, **settings: Any) -> tuple[Spy, TensorDict]:
     return spy, terms.detach()
 
 
+def test_an_epoch_takes_every_row_once_a_pass_in_minibatches() -> None:
+    seen = torch.arange(100.0).unsqueeze(1)
+    parts = list(DiscriminatorSettings(passes=3, minibatches=4).parts(seen, torch.Generator().manual_seed(0)))
+    assert [len(part) for part in parts] == [25] * 12
+    for first in (0, 4, 8):
+        one = torch.cat(parts[first : first + 4])
+        assert not torch.equal(one, seen)
+        torch.testing.assert_close(one.sort(dim=0).values, seen)
+
+
 @pytest.mark.parametrize("noise", [0.0, 0.1, 0.5])
 def test_noise_of_the_stated_deviation_is_on_both_sides(noise: float) -> None:
     spy, _ = spied(0.0, noise=noise)

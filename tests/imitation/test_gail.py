@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -16,15 +16,20 @@ from tensordict import TensorDict
 from torch import nn
 
 import agents.ppo
+import imitation.gail
+from agents.networks.driving import DrivingNetwork
 from agents.networks.export import driving_network
 from agents.rollouts.policy_update import PolicyUpdate
 from agents.training.folder import CHECKPOINT, METRICS, RunFolder, file_hash, state_hash
+from imitation.cloning import Cloning, Examples
 from imitation.discriminator import Discriminator, DiscriminatorSettings
+from imitation.expert import expert_steps
 from imitation.gail import PROFILES, GailSettings, main, start_of, train_driver
 from imitation.replay_error import ReplayError, replay_error
 from intersection_env import Predictor, Scenes
-from intersection_env.constants import STEPS
-from intersection_env.evaluation.empty_road import empty_road
+from intersection_env.constants import ACCELERATION, LEAD_RANGE, STEPS
+from intersection_env.evaluation.empty_road import EmptyRoad, empty_road
+from intersection_env.evaluation.gates import LEAST_SPEED
 from intersection_env.features import Driving
 from intersection_env.policies.file import PolicyFile
 from intersection_env.policies.named import POLICIES
@@ -91,12 +96,79 @@ def test_reward_is_the_discriminators_and_the_worlds_own_counts_nothing(
     assert rewards == 2
 
 
+@pytest.mark.parametrize("bootstrap", [False, True])
+def test_nothing_follows_an_end_unless_it_is_bootstrapped(
+    tiny: GailSettings, scenes: Scenes, monkeypatch: pytest.MonkeyPatch, bootstrap: bool
+) -> None:
+    """At a track's end the value's target is the last reward alone, or that and the value of what was seen last."""
+    ends = 0
+    through = PolicyUpdate.advantages
+
+    def spy(self: PolicyUpdate, rollout: TensorDict) -> TensorDict:
+        nonlocal ends
+        samples, following = through(self, rollout), rollout["next"]
+        over = following["done"].reshape(-1)
+        ends += int(over.sum())
+        beyond = self.settings.gamma * following["state_value"].reshape(-1)[over] if bootstrap else 0.0
+        wanted = following["reward"].reshape(-1)[over] + beyond
+        blamed = following["terminated"].reshape(-1)[over] if bootstrap else torch.zeros_like(wanted, dtype=torch.bool)
+        torch.testing.assert_close(samples["value_target"].reshape(-1)[over][~blamed], wanted[~blamed])
+        return samples
+
+    monkeypatch.setattr(PolicyUpdate, "advantages", spy)
+    train_driver(scenes, None, replace(tiny, epochs=6, bootstrap_ends=bootstrap), progress=False)
+    assert ends > 5
+
+
+def test_a_checkpoint_that_crawls_is_chosen_only_if_all_do(
+    tiny: GailSettings, scenes: Scenes, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of four checkpoints the second predicts best, and the third best of those that do not crawl."""
+    errors, least = [5.0, 1.0, 2.0, 3.0], [0.1, 0.7, 0.8, 0.9]
+    looks = iter([*errors, *errors])
+    monkeypatch.setattr(imitation.gail, "distance_error", lambda *_: next(looks))
+    for shares, epoch in ((least, 3), ([0.1] * 4, 2)):
+        alone = iter([EmptyRoad(share, 1.0, "", 1) for share in shares])
+        monkeypatch.setattr(imitation.gail, "empty_road", lambda *_, found=alone, **__: next(found))
+        folder = RunFolder.begin(tmp_path / str(epoch), {}, "", False)
+        train_driver(scenes, None, replace(tiny, epochs=4, checkpoint_every=1), folder, progress=False)
+        assert torch.load(tmp_path / str(epoch) / CHECKPOINT)["best"]["epoch"] == epoch
+
+
+def test_policy_is_drawn_to_the_recorded_drivers_and_on_an_empty_road_to_ppo(
+    tiny: GailSettings, scenes: Scenes, ppo: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked: list[Sequence[Examples]] = []
+
+    class Spy(Cloning):
+        def __init__(self, policy: DrivingNetwork, examples: Sequence[Examples], generator: torch.Generator) -> None:
+            super().__init__(policy, examples, generator)
+            asked.append(examples)
+
+    monkeypatch.setattr(imitation.gail, "Cloning", Spy)
+    start, settings = start_of(ppo), replace(tiny, epochs=1, kept=0.25)
+    train_driver(scenes, start, settings, progress=False)
+    train_driver(scenes, None, settings, progress=False)
+    (recorded, alone), (only,) = asked
+    steps = expert_steps(scenes, "train")
+    for one in (recorded, only):
+        np.testing.assert_array_equal(one.observation, steps.observation)
+        np.testing.assert_array_equal(one.acceleration, steps.acceleration)
+    assert alone.drawn == (recorded.drawn + alone.drawn) / 4
+    assert only.drawn == recorded.drawn + alone.drawn
+    assert (alone.observation[:, Driving.LEAD_DISTANCE] == LEAD_RANGE).all()
+    with torch.no_grad():
+        torch.testing.assert_close(alone.acceleration, ACCELERATION * torch.tanh(start.policy(alone.observation)))
+
+
 def test_discriminator_rests_above_the_accuracy_asked_for(tiny: GailSettings, scenes: Scenes, tmp_path: Path) -> None:
     after = {}
     for most in (-1.0, 1.0):
         for epochs in (1, 3):
             run = tmp_path / f"{most} {epochs}"
-            settings = replace(tiny, epochs=epochs, discriminator=DiscriminatorSettings(updates=2, most_accuracy=most))
+            settings = replace(
+                tiny, epochs=epochs, discriminator=DiscriminatorSettings(passes=2, minibatches=1, most_accuracy=most)
+            )
             train_driver(scenes, None, settings, RunFolder.begin(run, {}, "", False), progress=False)
             after[most, epochs] = state_hash(torch.load(run / CHECKPOINT)["discriminator"])
     assert after[-1.0, 1] == after[-1.0, 3]
@@ -117,7 +189,10 @@ def test_the_policy_drives_by_the_best_network_and_says_what_it_learned_from(
     best = torch.load(tmp_path / "run" / CHECKPOINT)["best"]
     np.testing.assert_array_equal(policy.driving_network.layers[1][0], best["policy"]["second.weight"])
     rows = [json.loads(line) for line in (settings.run / METRICS).read_text().splitlines()]
-    assert (best["error"], best["epoch"]) == min((row["predicted"], row["epoch"]) for row in rows if "predicted" in row)
+    chosen = min(
+        (row["empty_road"]["least"] < LEAST_SPEED, row["predicted"], row["epoch"]) for row in rows if "predicted" in row
+    )
+    assert (best["crawls"], best["error"], best["epoch"]) == chosen
     looked = [row for row in rows if "predicted" in row]
     assert all(set(row["until_last_seen"]) >= {"rmse", "mad", "bias", "recorded_speed_behind"} for row in looked)
     assert all(set(row["empty_road"]) == {"least", "mean"} for row in looked)
@@ -219,6 +294,7 @@ def test_scenes_made_for_something_else_are_refused(
         ({"gap": "idm"}, 'the policy "idm" has no gap network'),
         ({"decider": "idm"}, 'the policy "idm" has no gap network'),
         ({"decider": "missing.policy"}, "missing.policy"),
+        ({"kept": 1.0}, "kept is 1.0; wanted a share from 0 to below 1"),
     ],
 )
 def test_bad_settings_are_named_with_status_1(

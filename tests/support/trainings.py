@@ -59,7 +59,7 @@ TINY_GAIL = GailSettings(
     epochs=8,
     value_epochs=2,
     update=UpdateSettings(passes=2, minibatches=1),
-    discriminator=DiscriminatorSettings(updates=2),
+    discriminator=DiscriminatorSettings(passes=2, minibatches=1),
     threads=1,
     checkpoint_every=3,
 )

@@ -32,6 +32,8 @@ from imitation.gail import PROFILES as GAIL_PROFILES
 from imitation.replay_error import constant_velocity_network
 from imitation.rollout_gradient import PROFILES as ROLLOUTS
 from intersection_env import Intersection, Predictor, Scene, Scenes
+from intersection_env.evaluation.empty_road import EmptyRoad
+from intersection_env.evaluation.gates import LEAST_SPEED
 from intersection_env.evaluation.moments import moments_of
 from intersection_env.policies.named import POLICIES, gap_decider
 from intersection_env.scenes.scene import Track
@@ -231,6 +233,21 @@ def test_each_training_is_told_what_it_knows_and_begins_with_what_came_before(
             assert settings.resume
     modules = ("imitation.rollout_gradient", "agents.ppo", "imitation.gail")
     assert seen == [(module, seed) for module in modules for seed in options.seeds]
+
+
+def test_driver_that_crawls_on_an_empty_road_is_kept_only_if_every_seed_does(
+    options: Options, trainer: Trainer, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of GAIL's seeds 3 predicts best, then 4; of the rollout gradient's 5, then 4."""
+
+    def alone(driver: Predictor, *_: object) -> EmptyRoad:
+        return EmptyRoad(0.1 if driver.name in ("gail_3", "rollout_gradient_5") else LEAST_SPEED, 1.0, "", 1)
+
+    monkeypatch.setattr(trainings, "empty_road", alone)
+    assert main(options) == 0
+    policies = options.work / "policies"
+    for name in ("gail", "rollout_gradient"):
+        assert (policies / f"{name}.policy").read_bytes() == (policies / f"{name}_4.policy").read_bytes()
 
 
 def test_default_predicts_best_of_those_that_pass(options: Options, trainer: Trainer) -> None:
