@@ -142,14 +142,14 @@ class Trainings:
             self._keep(run / f"{name}.policy", run.name)
 
     def _predicting_best(self, name: str) -> None:
-        """Keeps the seed that predicts development best; one that crawls on an empty road only if all do."""
-        moments = watched(self.workspace.all_scenes())
+        seen = watched(self.workspace.all_scenes())
         reference = Predictor.load(self.workspace.policy("idm_calibrated"))
 
         def merit(path: Path) -> tuple[bool, float]:
+            """Whoever crawls on an empty road is chosen only if all do."""
             driver = Predictor.load(path)
             alone = empty_road(driver, reference, self.workspace.places)
-            return alone.least >= LEAST_SPEED, -distance_error(driver, moments)
+            return alone.least >= LEAST_SPEED, -distance_error(driver, seen)
 
         self._best(name, merit)
 

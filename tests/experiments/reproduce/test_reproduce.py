@@ -212,20 +212,6 @@ def test_training_keeps_the_best_seed_of_each_driver(options: Options, trainer: 
     assert not options.out.exists()
 
 
-def test_driver_that_crawls_on_an_empty_road_is_kept_only_if_every_seed_does(
-    options: Options, trainer: Trainer, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Of GAIL's seeds 3 predicts best, then 4."""
-
-    def alone(driver: Predictor, *_: object) -> EmptyRoad:
-        return EmptyRoad(0.1 if driver.name == "gail_3" else LEAST_SPEED, 1.0, "", 1)
-
-    monkeypatch.setattr(trainings, "empty_road", alone)
-    assert main(options) == 0
-    policies = options.work / "policies"
-    assert (policies / "gail.policy").read_bytes() == (policies / "gail_4.policy").read_bytes()
-
-
 def test_each_training_is_told_what_it_knows_and_begins_with_what_came_before(
     options: Options, trainer: Trainer
 ) -> None:
@@ -247,6 +233,21 @@ def test_each_training_is_told_what_it_knows_and_begins_with_what_came_before(
             assert settings.resume
     modules = ("imitation.rollout_gradient", "agents.ppo", "imitation.gail")
     assert seen == [(module, seed) for module in modules for seed in options.seeds]
+
+
+def test_driver_that_crawls_on_an_empty_road_is_kept_only_if_every_seed_does(
+    options: Options, trainer: Trainer, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of GAIL's seeds 3 predicts best, then 4; of the rollout gradient's 5, then 4."""
+
+    def alone(driver: Predictor, *_: object) -> EmptyRoad:
+        return EmptyRoad(0.1 if driver.name in ("gail_3", "rollout_gradient_5") else LEAST_SPEED, 1.0, "", 1)
+
+    monkeypatch.setattr(trainings, "empty_road", alone)
+    assert main(options) == 0
+    policies = options.work / "policies"
+    for name in ("gail", "rollout_gradient"):
+        assert (policies / f"{name}.policy").read_bytes() == (policies / f"{name}_4.policy").read_bytes()
 
 
 def test_default_predicts_best_of_those_that_pass(options: Options, trainer: Trainer) -> None:
