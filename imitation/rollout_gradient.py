@@ -64,8 +64,8 @@ class RolloutSettings:
     """Go on with the run in that folder."""
     decider: str = "gap"
     """Who decides about gaps: a policy with a gap network, from which that one begins to learn."""
-    epochs: int = 28
-    alone_share: float = 0.4
+    epochs: int = 56
+    alone_share: float = 0.25
     """Of the epochs, the first ones: each drives alone among recorded vehicles, with the recorded order as delta. In
     the others all vehicles of a moment are predicted jointly and the gap network decides."""
     learns_gaps: bool = True
@@ -74,7 +74,7 @@ class RolloutSettings:
     """Of a drive alone."""
     every: float = 1.0
     """Seconds between the starts of drives alone, and between the moments."""
-    moments_share: float = 0.25
+    moments_share: float = 1.0
     """Of the moments, drawn for each epoch."""
     drives: int = 512
     """Of an update; alone."""
@@ -105,7 +105,7 @@ class RolloutSettings:
     """Train once with each of these instead of `seed`, side by side as Ray tasks, in the folders RUN/seed_0, ..."""
     tensorboard: bool = False
     """Write the figures for TensorBoard too, into the run folder."""
-    checkpoint_every: int = 4
+    checkpoint_every: int = 8
     """Epochs."""
 
     @property

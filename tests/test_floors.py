@@ -38,9 +38,9 @@ FLOORS = {
     "data": (("recording",), ("formats", "pipeline", "sumo"), ("build", "describe"), ("align",)),
     "agents": (("networks", "training"), ("rollouts",), ("gap", "idm", "ppo")),
     "imitation": (
-        ("tracks", "discriminator", "cloning", "empty_road_states", "map_tables", "torch_networks", "examples"),
+        ("tracks", "discriminator", "cloning", "empty_road_states", "map_tables", "torch_networks"),
         ("expert", "replay_error", "torch_model", "along_route"),
-        ("adjoint", "closer_look", "usable_places"),
+        ("adjoint", "closer_look", "examples", "usable_places"),
         ("drives", "joint_moments"),
         ("gail", "rollout_gradient"),
     ),

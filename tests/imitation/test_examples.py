@@ -6,8 +6,11 @@ import numpy as np
 import pytest
 
 from imitation.examples import Example, free_examples, recorded_examples
+from imitation.expert import expert_steps
+from imitation.tracks import replays
 from intersection_env import Predictor, Scenes
 from intersection_env.evaluation.moments import SCORED, moments_of
+from intersection_env.features import Driving
 from tests.support.scenes import small_scenes
 
 
@@ -37,21 +40,26 @@ def test_recorded_examples_hold_what_became_of_a_moment(scenes: Scenes) -> None:
             np.testing.assert_array_equal(one.speed[: len(track.speed[end]), i], track.speed[end])
 
 
-def test_free_drives_begin_and_count_where_nobody_is_recorded(scenes: Scenes, free: list[Example]) -> None:
-    first: dict[int, float] = {}
-    for track in (track for scene in scenes for track in scene.tracks if track.road_user in SCORED):
-        if track.observed.any():
-            first[track.route] = min(first.get(track.route, np.inf), float(track.position[track.observed].min()))
-    before = behind = 0
+def test_free_drives_count_where_nobody_is_recorded_or_nobody_is_as_slow(scenes: Scenes, free: list[Example]) -> None:
+    """Beyond the view all of them; within it fewer, and more slowly than nearly all who drive freely there."""
+    steps, tracks = expert_steps(scenes, None), replays(scenes, None).tracks.arrays
+    place = tracks["track_route"][steps.track], steps.observation[:, Driving.DISTANCE_TO_STOP_LINE]
+    is_free = (steps.observation[:, Driving.ENTERS] > 0.0) & (steps.observation[:, Driving.LEAD_DISTANCE] > 40.0)
+    beyond = within = 0
     for one in free:
         route = scenes.intersection.routes[int(one.traffic.route[0])]
-        begin = first.get(route.index, route.junction[0])
-        counts = one.position[one.scored[:, 0], 0]
-        assert len(counts) > 5
-        assert bool(np.all((counts < begin) | (counts > route.junction[1])))
-        assert one.scored[0, 0], "it begins where nobody is recorded"
-        before, behind = before + (counts[0] < begin), behind + (counts[0] > route.junction[1])
-    assert min(before, behind) > 30
+        to_line = route.stop_line - one.position[:, 0] - 2.25
+        for k in np.flatnonzero(one.scored[:, 0])[::3]:
+            near = is_free & (place[0] == route.index) & (np.abs(place[1] - to_line[k]) < 1.0)
+            slower = (
+                float((steps.observation[near, Driving.SPEED] < one.speed[k, 0]).mean()) if near.sum() >= 20 else 0.0
+            )
+            assert slower < 0.3
+            beyond, within = beyond + (near.sum() == 0), within + (near.sum() >= 20)
+        ends = (to_line < -80.0) | (to_line > 60.0)
+        assert bool(one.scored[ends & (np.arange(51) < one.scored.nonzero()[0].max()), 0].all())
+    assert beyond > 30
+    assert within > 5
 
 
 def test_one_free_drive_in_five_begins_at_a_standstill_and_none_too_fast(scenes: Scenes, free: list[Example]) -> None:
