@@ -16,7 +16,7 @@ from tests.support.scenes import small_scenes
 
 @pytest.fixture(scope="module")
 def scenes() -> Scenes:
-    return small_scenes("train")
+    return Scenes.load("t_junction").select("train")
 
 
 @pytest.fixture(scope="module")
@@ -24,8 +24,8 @@ def free(scenes: Scenes) -> list[Example]:
     return free_examples([scenes], Predictor.load("idm_calibrated"), 200, np.random.default_rng(0))
 
 
-def test_recorded_examples_hold_what_became_of_a_moment(scenes: Scenes) -> None:
-    moments = moments_of(scenes, every=10.0)[0]
+def test_recorded_examples_hold_what_became_of_a_moment() -> None:
+    moments = moments_of(small_scenes("train"), every=10.0)[0]
     assert len(moments) > 5
     for moment, one in zip(moments, recorded_examples(moments), strict=True):
         known = ~np.ma.getmaskarray(moment.recorded)
