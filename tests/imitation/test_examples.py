@@ -45,21 +45,20 @@ def test_free_drives_count_where_nobody_is_recorded_or_nobody_is_as_slow(scenes:
     steps, tracks = expert_steps(scenes, None), replays(scenes, None).tracks.arrays
     place = tracks["track_route"][steps.track], steps.observation[:, Driving.DISTANCE_TO_STOP_LINE]
     is_free = (steps.observation[:, Driving.ENTERS] > 0.0) & (steps.observation[:, Driving.LEAD_DISTANCE] > 40.0)
-    beyond = within = 0
+    beyond, slower = 0, []
     for one in free:
         route = scenes.intersection.routes[int(one.traffic.route[0])]
         to_line = route.stop_line - one.position[:, 0] - 2.25
         for k in np.flatnonzero(one.scored[:, 0])[::3]:
             near = is_free & (place[0] == route.index) & (np.abs(place[1] - to_line[k]) < 1.0)
-            slower = (
-                float((steps.observation[near, Driving.SPEED] < one.speed[k, 0]).mean()) if near.sum() >= 20 else 0.0
-            )
-            assert slower < 0.3
-            beyond, within = beyond + (near.sum() == 0), within + (near.sum() >= 20)
+            beyond += int(near.sum() == 0)
+            if near.sum() >= 20:
+                slower.append(float((steps.observation[near, Driving.SPEED] < one.speed[k, 0]).mean()))
         ends = (to_line < -80.0) | (to_line > 60.0)
         assert bool(one.scored[ends & (np.arange(51) < one.scored.nonzero()[0].max()), 0].all())
     assert beyond > 30
-    assert within > 5
+    assert len(slower) > 10
+    assert np.mean(slower) < 0.1
 
 
 def test_one_free_drive_in_five_begins_at_a_standstill_and_none_too_fast(scenes: Scenes, free: list[Example]) -> None:
