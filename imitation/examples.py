@@ -19,6 +19,7 @@ from intersection_env.traffic import Traffic, Vehicle
 
 LEAST_STEPS = 5  # what is known for less than 1 s says nothing
 STRETCH, FREE_ROAD = 2.0, 40.0  # [m], of a route; and to the lead of whoever drives freely
+NEAR = 60.0  # [m], of a junction
 
 
 class Example(NamedTuple):
@@ -51,8 +52,9 @@ def free_examples(
 ) -> list[Example]:
     """A car alone, as a teacher drives it where nobody is recorded: beyond the view, and more slowly than anybody.
 
-    Each begins at a random place of a random route, one in five at a standstill, the others at up to the allowed speed.
-    What counts of its drive is where, with a free road, at most one in twenty of the recorded drivers is as slow.
+    Each begins at a random place of a random route, every other one near its junction, one in five at a standstill, the
+    others at up to the allowed speed. What counts of its drive is where, with a free road, at most one in twenty of the
+    recorded drivers is as slow.
     """
     slowest = [one for place in places for one in _slowest(place)]
     free = [(place.intersection, route) for place in places for route in place.intersection.routes]
@@ -60,7 +62,8 @@ def free_examples(
     while len(found) < count:
         chosen = int(generator.integers(len(free)))
         intersection, route = free[chosen]
-        place = float(generator.uniform(0.0, route.length))
+        begin, end = (0.0, route.length) if len(found) % 2 else (route.junction[0] - NEAR, route.junction[1] + NEAR)
+        place = float(generator.uniform(max(begin, 0.0), min(end, route.length)))
         allowed = float(intersection.sample(route.index, np.array([place], np.float32))[0, Sample.V_MAX])
         speed = allowed * max(float(generator.uniform(-0.25, 1.0)), 0.0)
         alone = Traffic.of(intersection, [Vehicle("alone", route.id, place, speed)])

@@ -4,8 +4,8 @@ python -m imitation.rollout_gradient default --run runs/rollout_gradient        
 python -m imitation.rollout_gradient alone --scenes bendplatz --run runs/alone               one place, one at a time
 python -m imitation.rollout_gradient default --scenes mine.npz --map mine.json --run runs/mine
 
-First each driver goes alone among recorded vehicles, in their order; then all vehicles of a moment are predicted
-jointly, and the gap network learns too.
+Each driver goes alone among recorded vehicles, in their order; later in the training all vehicles of other moments are
+predicted jointly beside it, and the gap network learns too.
 """
 
 from __future__ import annotations
@@ -64,32 +64,31 @@ class RolloutSettings:
     """Go on with the run in that folder."""
     decider: str = "gap"
     """Who decides about gaps: a policy with a gap network, from which that one begins to learn."""
-    epochs: int = 56
+    epochs: int = 48
+    """Each once through all drives of one vehicle alone among recorded ones, with the recorded order as delta."""
     alone_share: float = 0.25
-    """Of the epochs, the first ones: each drives alone among recorded vehicles, with the recorded order as delta. In
-    the others all vehicles of a moment are predicted jointly and the gap network decides."""
+    """Of the epochs, the first ones: they have no more than that. In the others moments are predicted jointly too, in
+    which the gap network decides."""
+    joint_weight: float = 1.0
+    """Of the error of these."""
     learns_gaps: bool = True
-    """Whether the gap network learns too in these."""
+    """Whether the gap network learns too from them."""
     steps: int = STEPS
-    """Of a drive alone."""
+    """Of a drive alone; predictions have all."""
     every: float = 1.0
     """Seconds between the starts of drives alone, and between the moments."""
-    moments_share: float = 1.0
-    """Of the moments, drawn for each epoch."""
     drives: int = 512
-    """Of an update; alone."""
+    """Of an update."""
     moments: int = 64
-    """Of an update; jointly."""
+    """Of an update, drawn at random."""
     free_share: float = 0.15
-    """Free drives for each recorded vehicle of an update, as the teacher drives them."""
+    """Free drives for each recorded one of an update, as the teacher drives them."""
     free_drives: int = 4000
     """From which these are drawn."""
     teacher: str = "idm_calibrated"
     """A policy, whose free drives are learned from where nobody is recorded."""
     learning_rate: float = 5e-3
-    """The highest, risen to and fallen from linearly, alone."""
-    joint_learning_rate: float = 4e-3
-    """Likewise, jointly."""
+    """The highest, risen to and fallen from linearly."""
     huber: float = 3.0
     """Position errors beyond it count linearly [m]."""
     speed_weight: float = 0.3
@@ -97,7 +96,7 @@ class RolloutSettings:
     effort_weight: float = 0.05
     """Of the squared acceleration."""
     noise: float = 0.0
-    """Deviation of what is added to the scaled features, alone."""
+    """Deviation of what is added to the scaled features of who drives alone."""
     gradient_norm: float = 1.0
     """Longer gradients are shortened to it."""
     seed: int = 0
@@ -116,14 +115,14 @@ class RolloutSettings:
 
 PROFILES = {
     "default": ("what ships", RolloutSettings()),
-    "alone": ("without joint rollouts", RolloutSettings(epochs=16, alone_share=1.0)),
+    "alone": ("without joint rollouts", RolloutSettings(epochs=20, alone_share=1.0)),
 }
 RISE, LAST = 0.2, 0.02  # share of the updates in which the rate rises, and what it falls to
 
 
 @dataclass(frozen=True)
 class Data:
-    """What is learned from, as tensors: drives alone and moments, each with the free drives at their end."""
+    """What is learned from, as tensors: drives of one vehicle, the free ones last, and moments."""
 
     tables: MapTables
     drives: Drives
@@ -139,7 +138,7 @@ class Data:
         moments = None
         if settings.alone_epochs < settings.epochs:
             seen = followed(moments_in(places, "train", settings.every)[0])
-            moments = JointMoments.of(tables, recorded_examples(seen) + free)
+            moments = JointMoments.of(tables, recorded_examples(seen))
         return cls(tables, joined(recorded, free_drives(tables, free)), moments)
 
 
@@ -172,22 +171,24 @@ def train_driver(
         epochs.resume(driver=driver, gaps=gaps, optimizer=optimizer, generator=generator)
         for epoch in epochs:
             losses = []
-            for share, rows in _batches(data, settings, epoch, generator):
+            is_joint = epoch > settings.alone_epochs
+            for share, rows in _batches(data, settings, generator):
                 for group in optimizer.param_groups:
-                    group["lr"] = _rate(settings, epoch, share)
+                    group["lr"] = _rate(settings, epoch - 1 + share)
                 optimizer.zero_grad()
-                if epoch <= settings.alone_epochs:
-                    losses.append(_backward_alone(data, networks, settings, rows, generator))
-                else:
-                    losses.append(_backward_jointly(data, networks, settings, rows))
+                loss = [_backward_alone(data, networks, settings, rows, generator)]
+                loss += [_backward_jointly(data, networks, settings, generator)] if is_joint else []
+                losses.append(loss)
                 for network in (driver, gaps):
                     nn.utils.clip_grad_norm_(network.parameters(), settings.gradient_norm)
                 optimizer.step()
-            row: dict[str, Any] = {"loss": float(np.mean(losses))}
+            row: dict[str, Any] = dict(
+                zip(("loss_alone", "loss_joint"), np.mean(losses, axis=0).tolist(), strict=False)
+            )
             if epochs.is_due:
                 row |= closer_look(driver, _policy(networks), places, seen, True)
                 epochs.show(
-                    loss=f"{row['loss']:.2f}",
+                    alone=f"{row['loss_alone']:.2f}",
                     predicted=f"{row['predicted']:.2f}",
                     bias=f"{row['until_last_seen']['bias']:.1f}",
                     empty=f"{row['empty_road']['least']:.2f}",
@@ -196,28 +197,19 @@ def train_driver(
     return driver, gaps
 
 
-def _batches(
-    data: Data, settings: RolloutSettings, epoch: int, generator: torch.Generator
-) -> Iterator[tuple[float, Tensor]]:
-    """The rows of each update of an epoch, free drives last, and how far its part of the training is: 0 to 1."""
-    if epoch <= settings.alone_epochs or data.moments is None:
-        width, size, share = torch.ones_like(data.drives.route), settings.drives, 1.0
-        before, count = epoch - 1, settings.alone_epochs
-    else:
-        width, size, share = data.moments.width, settings.moments, settings.moments_share
-        before, count = epoch - settings.alone_epochs - 1, settings.epochs - settings.alone_epochs
-    recorded = len(width) - settings.free_drives
-    drawn = torch.randperm(recorded, generator=generator)[: max(round(share * recorded), 1)]
-    parts = torch.split(drawn, size)
+def _batches(data: Data, settings: RolloutSettings, generator: torch.Generator) -> Iterator[tuple[float, Tensor]]:
+    """The drives of each update of an epoch, free ones last, and how much of the epoch is over: 0 to 1."""
+    recorded = len(data.drives.route) - settings.free_drives
+    parts = torch.split(torch.randperm(recorded, generator=generator), settings.drives)
     for place, rows in enumerate(parts):
-        free = (round(settings.free_share * int(width[rows].sum())),)
+        free = (round(settings.free_share * len(rows)),)
         beside = recorded + torch.randint(settings.free_drives, free, generator=generator)
-        yield (before + place / len(parts)) / count, torch.cat([rows, beside])
+        yield place / len(parts), torch.cat([rows, beside])
 
 
-def _rate(settings: RolloutSettings, epoch: int, share: float) -> float:
-    highest = settings.learning_rate if epoch <= settings.alone_epochs else settings.joint_learning_rate
-    return highest * float(np.interp(share, (0.0, RISE, 1.0), (0.1, 1.0, LAST)))
+def _rate(settings: RolloutSettings, epochs: float) -> float:
+    """After so many epochs."""
+    return settings.learning_rate * float(np.interp(epochs / settings.epochs, (0.0, RISE, 1.0), (0.1, 1.0, LAST)))
 
 
 def _backward_alone(
@@ -234,15 +226,15 @@ def _backward_alone(
     return float(loss.detach())
 
 
-def _backward_jointly(data: Data, networks: Networks, settings: RolloutSettings, rows: Tensor) -> float:
-    """The loss of these moments; its gradients are added to the weights of both networks."""
+def _backward_jointly(data: Data, networks: Networks, settings: RolloutSettings, generator: torch.Generator) -> float:
+    """The error of some moments' prediction; its gradients are added to the weights of both networks."""
     assert data.moments is not None
-    moments = data.moments.rows(rows)
+    moments = data.moments.rows(torch.randint(len(data.moments.width), (settings.moments,), generator=generator))
     rollout = moments.predicted(Predictor(_policy(networks), "in training"))
     model = TorchPredictor(data.tables, moments.vehicles, networks)
 
     def error(motion: Motion) -> Tensor:
-        return _error(settings, motion, moments.position, moments.speed, moments.scored)
+        return settings.joint_weight * _error(settings, motion, moments.position, moments.speed, moments.scored)
 
     return backward(model, moments.assignment, rollout, error, settings.learns_gaps)
 

@@ -104,12 +104,18 @@ def _rollout_rows(horizon: Json, alone: Json) -> Iterator[Row]:
     name, calibrated = "rollout gradient", "the calibrated IDM's"
     for times, results, bars in (
         ("until last seen", horizon["until_last_seen"], {"rmse": 0.85, "mad": 0.45}),
-        ("recorded order handed in", horizon["order_handed_in"]["until_last_seen"], {"rmse": 0.7}),
         ("at 4 s", horizon["at_4s"], {"rmse": 0.7, "mad": 0.4}),
     ):
         for key, most in bars.items():
             ratio = results[ROLLOUTS][f"distance_{key}_to_idm_calibrated"]
             yield _ratio_row(f"{name}, {times}: {key.upper()} to {calibrated}", ratio, most)
+    informed = horizon["order_handed_in"]["until_last_seen"][ROLLOUTS]
+    calibrated_alone = horizon["until_last_seen"]["idm_calibrated"]["distance_rmse"]
+    share = informed["distance_rmse"]["value"] / calibrated_alone["value"]
+    what = f"{name}, until last seen, recorded order handed in: RMSE to {calibrated} without it"
+    yield Row(what, "", f"{share:.2f}", "at most 0.7", share <= 0.7, HORIZON)
+    ratio = in_unit(informed["distance_rmse_to_idm_calibrated"])
+    yield Row(f"... to {calibrated} with it", "", ratio, command=HORIZON)
     for key, time, most in (("at_4s", "4 s", 0.45), ("at_10s", "10 s", 0.9)):
         share = alone[ROLLOUTS][key]["rmse"] / alone["gail"][key]["rmse"]
         what = f"{name}, alone within limits, recorded order, {time}: RMSE to GAIL's"

@@ -67,7 +67,6 @@ TINY_ROLLOUT = RolloutSettings(
     epochs=8,
     alone_share=0.5,
     every=5.0,
-    moments_share=0.2,
     drives=64,
     moments=8,
     free_drives=40,
