@@ -23,7 +23,8 @@ from intersection_env.prediction.predictor import Predictor
 
 ROLLOUTS = {
     "alone only, no joint rollouts": ["--alone-share", "1.0"],
-    "joint only": ["--alone-share", "0"],
+    "jointly from the first epoch on": ["--alone-share", "0"],
+    "joint predictions count three times": ["--joint-weight", "3"],
     "the gap network does not learn": ["--no-learns-gaps"],
     "alone for 5 s instead of 10 s": ["--steps", "25"],
     "starts every 4 s": ["--every", "4"],
