@@ -10,9 +10,11 @@ from numpy.typing import NDArray
 
 from imitation.expert import expert_steps
 from imitation.tracks import replays
+from intersection_env.constants import DT, STEPS
+from intersection_env.evaluation.empty_road import free_drive
 from intersection_env.evaluation.moments import Moment
 from intersection_env.features import Driving
-from intersection_env.maps.intersection import Sample
+from intersection_env.maps.intersection import Route, Sample
 from intersection_env.prediction.predictor import Predictor
 from intersection_env.scenes.scenes import Scenes
 from intersection_env.traffic import Traffic, Vehicle
@@ -20,6 +22,9 @@ from intersection_env.traffic import Traffic, Vehicle
 LEAST_STEPS = 5  # what is known for less than 1 s says nothing
 STRETCH, FREE_ROAD = 2.0, 40.0  # [m], of a route; and to the lead of whoever drives freely
 NEAR = 60.0  # [m], of a junction
+STANDS = 1.0  # [m/s], or less
+HARDEST = 3.0  # [m/s²], as recorded drivers brake for a turn
+Floats = NDArray[np.float32]
 
 
 class Example(NamedTuple):
@@ -47,47 +52,85 @@ def recorded_examples(moments: Sequence[Moment]) -> list[Example]:
     return found
 
 
+def teacher_named(name: str) -> Predictor:
+    """A policy that can teach free drives.
+
+    Raises:
+        ValueError, OSError: as of `Predictor.load`; or it does not drive by the IDM.
+    """
+    teacher = Predictor.load(name)
+    if teacher.policy.driver != "idm":
+        raise ValueError(f'teacher: "{name}" drives by "{teacher.policy.driver}"; free drives are taught by an IDM')
+    return teacher
+
+
 def free_examples(
     places: Sequence[Scenes], teacher: Predictor, count: int, generator: np.random.Generator
 ) -> list[Example]:
-    """A car alone, as a teacher drives it where nobody is recorded: beyond the view, and more slowly than anybody.
+    """A car alone, from random places of random routes, until it leaves the map.
 
-    Each begins at a random place of a random route, every other one near its junction, one in five at a standstill, the
-    others at up to the allowed speed. What counts of its drive is where, with a free road, at most one in twenty of the
-    recorded drivers is as slow.
+    Nobody is recorded beyond the view, nor, on a free road, as slow as somebody may be. So the car drives as a teacher
+    that follows the IDM accelerates, as fast as that one drives on a free road, but no faster than recorded drivers do
+    in the median where such are. Every other one begins near a junction, one in five at a standstill, the others at up
+    to the allowed speed.
     """
-    slowest = [one for place in places for one in _slowest(place)]
-    free = [(place.intersection, route) for place in places for route in place.intersection.routes]
+    profiles = [
+        (place.intersection, route, _profile(teacher, place, route, recorded))
+        for place in places
+        for route, recorded in zip(place.intersection.routes, _recorded_speeds(place), strict=True)
+    ]
     found: list[Example] = []
     while len(found) < count:
-        chosen = int(generator.integers(len(free)))
-        intersection, route = free[chosen]
+        intersection, route, profile = profiles[int(generator.integers(len(profiles)))]
         begin, end = (0.0, route.length) if len(found) % 2 else (route.junction[0] - NEAR, route.junction[1] + NEAR)
         place = float(generator.uniform(max(begin, 0.0), min(end, route.length)))
         allowed = float(intersection.sample(route.index, np.array([place], np.float32))[0, Sample.V_MAX])
         speed = allowed * max(float(generator.uniform(-0.25, 1.0)), 0.0)
         alone = Traffic.of(intersection, [Vehicle("alone", route.id, place, speed)])
-        drive = teacher.predict(alone)
-        stretch = np.minimum(drive.position[0] / STRETCH, len(slowest[chosen]) - 1).astype(np.int64)
-        scored = drive.present[0] & (drive.speed[0] < slowest[chosen][stretch])
+        position, speeds = _driven(place, speed, profile, teacher.policy.idm.acceleration)
+        scored = position < route.length
         if scored.sum() > LEAST_STEPS:
-            found.append(Example(alone, drive.position[0], drive.speed[0], scored))
+            found.append(Example(alone, position[:, None], speeds[:, None], scored[:, None]))
     return found
 
 
-def _slowest(scenes: Scenes) -> list[NDArray[np.float32]]:
-    """Of each route, by stretches of it, the speed below which nobody on a free road is recorded [m/s].
+def _driven(position: float, speed: float, profile: Floats, acceleration: float) -> tuple[Floats, Floats]:
+    """Positions and speeds of the next 10 s (time,), by the IDM's law of the free road."""
+    rows = [(position, speed)]
+    for _ in range(STEPS):
+        wanted = float(profile[min(int(position / STRETCH), len(profile) - 1)])
+        rate = acceleration * (1.0 - (speed / wanted) ** 4)
+        rate = float(np.clip(rate, -abs(wanted - speed) / DT, abs(wanted - speed) / DT))
+        faster = max(speed + DT * max(rate, -HARDEST), 0.0)
+        position, speed = position + 0.5 * DT * (speed + faster), faster
+        rows.append((position, speed))
+    found = np.array(rows, np.float32)
+    return found[:, 0], found[:, 1]
 
-    It is infinite where fewer than ten of such states are recorded.
+
+def _profile(teacher: Predictor, scenes: Scenes, route: Route, recorded: Floats) -> Floats:
+    """How fast a car drives freely in each stretch of a route [m/s]."""
+    places, speeds = free_drive(teacher, scenes.intersection, route)
+    order = np.argsort(places, kind="stable")
+    middle = (np.arange(len(recorded)) + 0.5) * STRETCH
+    profile: Floats = np.minimum(np.interp(middle, places[order], speeds[order]), recorded).astype(np.float32)
+    return profile
+
+
+def _recorded_speeds(scenes: Scenes) -> list[Floats]:
+    """Of each route, in each stretch, the median speed of who is recorded on a free road [m/s].
+
+    It is infinite where fewer than ten of such states are recorded, and who stands is not on a free road.
     """
     steps, tracks = expert_steps(scenes, None), replays(scenes, None).tracks.arrays
-    seen, route = steps.observation, tracks["track_route"][steps.track]
+    seen, route, half = steps.observation, tracks["track_route"][steps.track], 0.5 * tracks["track_length"][steps.track]
     is_free = (seen[:, Driving.ENTERS] > 0.0) & (seen[:, Driving.LEAD_DISTANCE] > FREE_ROAD)
+    is_free &= seen[:, Driving.SPEED] > STANDS
     found = []
     for one in scenes.intersection.routes:
-        own = seen[is_free & (route == one.index)]
-        half = 0.5 * tracks["track_length"][steps.track][is_free & (route == one.index)]
-        stretch = ((one.stop_line - own[:, Driving.DISTANCE_TO_STOP_LINE] - half) / STRETCH).astype(np.int64)
-        speeds = [own[stretch == k, Driving.SPEED] for k in range(int(one.length / STRETCH) + 1)]
-        found.append(np.array([np.quantile(here, 0.05) if len(here) >= 10 else np.inf for here in speeds], np.float32))
+        own = is_free & (route == one.index)
+        position = one.stop_line - seen[own, Driving.DISTANCE_TO_STOP_LINE] - half[own]
+        stretch, speed = (position / STRETCH).astype(np.int64), seen[own, Driving.SPEED]
+        speeds = [speed[stretch == k] for k in range(int(one.length / STRETCH) + 1)]
+        found.append(np.array([np.median(here) if len(here) >= 10 else np.inf for here in speeds], np.float32))
     return found

@@ -32,7 +32,7 @@ from agents.training.seeds import train_seeds
 from imitation.adjoint import Motion, backward
 from imitation.closer_look import closer_look, last_look, watched
 from imitation.drives import Drives, free_drives, joined, recorded_drives
-from imitation.examples import free_examples, recorded_examples
+from imitation.examples import free_examples, recorded_examples, teacher_named
 from imitation.joint_moments import JointMoments
 from imitation.map_tables import MapTables
 from imitation.torch_model import TorchPredictor
@@ -42,7 +42,7 @@ from intersection_env.constants import STEPS
 from intersection_env.evaluation.moments import followed
 from intersection_env.evaluation.places import moments_in
 from intersection_env.policies.file import PolicyFile
-from intersection_env.policies.named import gap_decider, policy_named
+from intersection_env.policies.named import gap_decider
 from intersection_env.prediction.predictor import Predictor
 from intersection_env.scenes.places import ALL_SCENES, each_place, map_names
 from intersection_env.scenes.scenes import Scenes, scenes_path
@@ -133,7 +133,7 @@ class Data:
         """The training scenes of these places."""
         tables, generator = MapTables.of([place.intersection for place in places]), np.random.default_rng(settings.seed)
         training = [place.select("train") for place in places]
-        free = free_examples(training, Predictor.load(settings.teacher), settings.free_drives, generator)
+        free = free_examples(training, teacher_named(settings.teacher), settings.free_drives, generator)
         recorded = recorded_drives(tables, places, "train", settings.every)
         moments = None
         if settings.alone_epochs < settings.epochs:
@@ -263,7 +263,7 @@ def main(settings: RolloutSettings) -> int:
         gap_network(decider)  # refused, if it decides by a rule, before there is a folder
         places = usable_places(settings.scenes, settings.map)
         hashes: dict[str, Any] = {"scenes": [file_hash(scenes_path(name)) for name in settings.scenes]}
-        hashes |= {"gap": gap_hash(decider), "teacher": gap_hash(policy_named(settings.teacher, None)[0])}
+        hashes |= {"gap": gap_hash(decider), "teacher": gap_hash(teacher_named(settings.teacher).policy)}
         data = joint_hash([*hashes["scenes"], hashes["gap"], hashes["teacher"]])
         folder = RunFolder.begin(settings.run, decisive(settings), data, settings.resume, settings.tensorboard)
         driver, gaps = train_driver(places, settings, folder)

@@ -63,7 +63,7 @@ def empty_road(
     words: list[str] = []
     for intersection in maps:
         for route in intersection.routes:
-            free = _free_drive(reference, intersection, route)
+            free = free_drive(reference, intersection, route)
             for position, speed in _starts(intersection, route):
                 theirs, other_speed, stays = _after_10_s(reference, intersection, route, position, speed)
                 if not stays or other_speed == 0.0:
@@ -100,8 +100,8 @@ def _after_10_s(
     return float(found.position[0, -1, 0]), float(found.speed[0, -1, 0]), bool(found.present[0, -1, 0])
 
 
-def _free_drive(predictor: Predictor, intersection: Intersection, route: Route) -> tuple[Floats, Floats]:
-    """Positions and speeds of a car that drives over the whole route, as fast as is allowed at first."""
+def free_drive(predictor: Predictor, intersection: Intersection, route: Route) -> tuple[Floats, Floats]:
+    """Positions [m] and speeds [m/s] of a car that drives alone over a whole route, as fast as is allowed at first."""
     positions, speeds = [np.zeros(1, np.float32)], [route.samples[:1, Sample.V_MAX]]
     while True:
         begin = Vehicle("alone", route.id, float(positions[-1][-1]), float(speeds[-1][-1]))

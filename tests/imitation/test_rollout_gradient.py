@@ -73,7 +73,12 @@ def test_the_profile_alone_has_no_joint_rollouts() -> None:
     assert alone.alone_epochs == alone.epochs
 
 
-def test_a_decider_without_a_gap_network_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(replace(TINY_ROLLOUT, run=tmp_path / "run", decider="sumo")) == 1
-    assert "gap network" in capsys.readouterr().err
+@pytest.mark.parametrize(
+    ("change", "said"), [({"decider": "sumo"}, "holds no gap network"), ({"teacher": "gail"}, "taught by an IDM")]
+)
+def test_a_decider_without_a_gap_network_and_a_teacher_without_idm_are_refused(
+    change: dict[str, str], said: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(replace(TINY_ROLLOUT, run=tmp_path / "run", **change)) == 1  # type: ignore[arg-type]
+    assert said in capsys.readouterr().err
     assert not (tmp_path / "run").exists()
