@@ -22,7 +22,6 @@ from intersection_env.traffic import Traffic, Vehicle
 LEAST_STEPS = 5  # what is known for less than 1 s says nothing
 STRETCH, FREE_ROAD = 2.0, 40.0  # [m], of a route; and to the lead of whoever drives freely
 NEAR = 60.0  # [m], of a junction
-STANDS = 1.0  # [m/s], or less
 HARDEST = 3.0  # [m/s²], as recorded drivers brake for a turn
 Floats = NDArray[np.float32]
 
@@ -70,9 +69,9 @@ def free_examples(
     """A car alone, from random places of random routes, until it leaves the map.
 
     Nobody is recorded beyond the view, nor, on a free road, as slow as somebody may be. So the car drives as a teacher
-    that follows the IDM accelerates, as fast as that one drives on a free road, but no faster than recorded drivers do
-    in the median where such are. Every other one begins near a junction, one in five at a standstill, the others at up
-    to the allowed speed.
+    that follows the IDM accelerates, as fast as that one drives on a free road, but up to the junction's end no faster
+    than three in four of the recorded drivers. Every other one begins near a junction, one in five at a standstill, the
+    others at up to the allowed speed.
     """
     profiles = [
         (place.intersection, route, _profile(teacher, place, route, recorded))
@@ -118,19 +117,22 @@ def _profile(teacher: Predictor, scenes: Scenes, route: Route, recorded: Floats)
 
 
 def _recorded_speeds(scenes: Scenes) -> list[Floats]:
-    """Of each route, in each stretch, the median speed of who is recorded on a free road [m/s].
+    """Of each route, in each stretch, the speed that one in four exceeds of who is recorded on a free road [m/s].
 
-    It is infinite where fewer than ten of such states are recorded, and who stands is not on a free road.
+    The others had to wait just before, many of them. It is infinite beyond the junction's end, as there is no turn to
+    slow for, and where fewer than ten such states are recorded.
     """
     steps, tracks = expert_steps(scenes, None), replays(scenes, None).tracks.arrays
     seen, route, half = steps.observation, tracks["track_route"][steps.track], 0.5 * tracks["track_length"][steps.track]
     is_free = (seen[:, Driving.ENTERS] > 0.0) & (seen[:, Driving.LEAD_DISTANCE] > FREE_ROAD)
-    is_free &= seen[:, Driving.SPEED] > STANDS
     found = []
     for one in scenes.intersection.routes:
         own = is_free & (route == one.index)
         position = one.stop_line - seen[own, Driving.DISTANCE_TO_STOP_LINE] - half[own]
         stretch, speed = (position / STRETCH).astype(np.int64), seen[own, Driving.SPEED]
-        speeds = [speed[stretch == k] for k in range(int(one.length / STRETCH) + 1)]
-        found.append(np.array([np.median(here) if len(here) >= 10 else np.inf for here in speeds], np.float32))
+        fast = np.full(int(one.length / STRETCH) + 1, np.inf, np.float32)
+        for k in range(int(one.junction[1] / STRETCH)):
+            if (here := stretch == k).sum() >= 10:
+                fast[k] = np.quantile(speed[here], 0.75)
+        found.append(fast)
     return found

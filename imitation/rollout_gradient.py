@@ -69,7 +69,7 @@ class RolloutSettings:
     alone_share: float = 0.25
     """Of the epochs, the first ones: they have no more than that. In the others moments are predicted jointly too, in
     which the gap network decides."""
-    joint_weight: float = 1.0
+    joint_weight: float = 0.3
     """Of the error of these."""
     learns_gaps: bool = True
     """Whether the gap network learns too from them."""
@@ -90,7 +90,9 @@ class RolloutSettings:
     learning_rate: float = 5e-3
     """The highest, risen to and fallen from linearly."""
     huber: float = 3.0
-    """Position errors beyond it count linearly [m]."""
+    """Position errors of who drives alone count linearly beyond it [m]."""
+    joint_huber: float = 15.0
+    """Likewise of joint predictions. Where it is small, most of those who might go wait, as most do."""
     speed_weight: float = 0.3
     """Of the squared speed error."""
     effort_weight: float = 0.05
@@ -221,7 +223,7 @@ def _backward_alone(
         drawn = torch.randn((settings.steps, len(rows), len(DRIVING_SCALE)), generator=generator)
         noise = settings.noise * drawn / torch.tensor(DRIVING_SCALE)
     motion = drives.driven(data.tables, networks, settings.steps, noise)
-    loss = _error(settings, motion, drives.position.T, drives.speed.T, drives.known.T)
+    loss = _error(settings, settings.huber, motion, drives.position.T, drives.speed.T, drives.known.T)
     loss.backward()  # type: ignore[no-untyped-call]
     return float(loss.detach())
 
@@ -234,15 +236,18 @@ def _backward_jointly(data: Data, networks: Networks, settings: RolloutSettings,
     model = TorchPredictor(data.tables, moments.vehicles, networks)
 
     def error(motion: Motion) -> Tensor:
-        return settings.joint_weight * _error(settings, motion, moments.position, moments.speed, moments.scored)
+        error = _error(settings, settings.joint_huber, motion, moments.position, moments.speed, moments.scored)
+        return settings.joint_weight * error
 
     return backward(model, moments.assignment, rollout, error, settings.learns_gaps)
 
 
-def _error(settings: RolloutSettings, motion: Motion, position: Tensor, speed: Tensor, known: Tensor) -> Tensor:
+def _error(
+    settings: RolloutSettings, huber: float, motion: Motion, position: Tensor, speed: Tensor, known: Tensor
+) -> Tensor:
     """The mean over what is known after the start: (time, row) or (time, moment, vehicle) each."""
     then = slice(1, len(motion.position) + 1)
-    far = huber_loss(motion.position, position[then], delta=settings.huber, reduction="none")
+    far = huber_loss(motion.position, position[then], delta=huber, reduction="none")
     faster = settings.speed_weight * (motion.speed - speed[then]).square()
     error = far + faster + settings.effort_weight * motion.acceleration.square()
     return (error * known[then]).sum() / known[then].sum().clamp(min=1)

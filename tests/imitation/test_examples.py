@@ -41,11 +41,11 @@ def test_recorded_examples_hold_what_became_of_a_moment() -> None:
             np.testing.assert_array_equal(one.speed[: len(track.speed[end]), i], track.speed[end])
 
 
-def test_free_drives_end_as_fast_as_recorded_drivers_or_the_teacher(scenes: Scenes, free: list[Example]) -> None:
-    """In view about the recorded median where a road is free, beyond it about the teacher's speed of its free drive."""
+def test_free_drives_end_about_as_fast_as_recorded_drivers_or_the_teacher(scenes: Scenes, free: list[Example]) -> None:
+    """In view as fast as some recorded drivers on a free road, beyond it as the teacher in its free drive."""
     steps, tracks = expert_steps(scenes, None), replays(scenes, None).tracks.arrays
     seen, route_of = steps.observation, tracks["track_route"][steps.track]
-    is_free = (seen[:, Driving.ENTERS] > 0.0) & (seen[:, Driving.LEAD_DISTANCE] > 40.0) & (seen[:, Driving.SPEED] > 1.0)
+    is_free = (seen[:, Driving.ENTERS] > 0.0) & (seen[:, Driving.LEAD_DISTANCE] > 40.0)
     teacher = Predictor.load("idm_calibrated")
     shares: dict[str, list[float]] = {"in view": [], "beyond": []}
     for one in free:
@@ -54,7 +54,7 @@ def test_free_drives_end_as_fast_as_recorded_drivers_or_the_teacher(scenes: Scen
         to_line = route.stop_line - float(one.position[last, 0]) - 2.25
         near = is_free & (route_of == route.index) & (np.abs(seen[:, Driving.DISTANCE_TO_STOP_LINE] - to_line) < 1.0)
         if near.sum() >= 20 and to_line > 10.0:
-            shares["in view"].append(float(one.speed[last, 0]) / float(np.median(seen[near, Driving.SPEED])))
+            shares["in view"].append(float(one.speed[last, 0]) / float(np.quantile(seen[near, Driving.SPEED], 0.75)))
         elif not near.any() and last == 50:
             places, speeds = free_drive(teacher, scenes.intersection, route)
             shares["beyond"].append(float(one.speed[last, 0]) / float(np.interp(one.position[last, 0], places, speeds)))
