@@ -44,18 +44,20 @@ Error = Callable[[Motion], Tensor]
 """One number, of where everybody was after each step."""
 
 
-def backward(model: TorchPredictor, assignment: Tensor, rollout: Rollout, error: Error, learns_gaps: bool) -> float:
-    """Adds the gradients of an error to the weights of the model's networks; returns the error.
+def backward(
+    model: TorchPredictor, assignment: Tensor, rollout: Rollout, error: Error, gap_error: Error | None
+) -> float:
+    """Adds the gradients of errors to the weights of the model's networks; returns the driver's error.
 
-    A gap decision is 0 or 1 and has no gradient. With `learns_gaps` the acceleration counts as if it went from that of
-    waiting to that of going with the probability of accepting all open gaps.
+    A gap decision is 0 or 1 and has no gradient. So the acceleration counts as if it went from that of waiting to that
+    of going with the probability of accepting all open gaps.
 
     Args:
         model: the networks, bound to the moments.
         assignment: int8 (moment, pair), completed already.
         rollout: what the core predicts with these networks.
-        error: of the motion.
-        learns_gaps: whether the gap network has gradients too.
+        error: of the motion, from which the driver has its gradients.
+        gap_error: that from which the gap network has its own; None: it has none.
     """
     begin = Rollout(*(one[:-1] for one in rollout))
     with torch.no_grad():
@@ -63,7 +65,8 @@ def backward(model: TorchPredictor, assignment: Tensor, rollout: Rollout, error:
     steps = _Steps.of(model, begin, seen)
     value, effect = _effects(rollout, seen, steps, error)
     total = (effect[steps.where] * steps.acceleration).sum()
-    if learns_gaps:
+    if gap_error is not None:
+        _, effect = _effects(rollout, seen, steps, gap_error)
         total = total + (effect * _by_acceptance(model, assignment, begin, seen, steps)).sum()
     total.backward()  # type: ignore[no-untyped-call]
     return value

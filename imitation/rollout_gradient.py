@@ -13,6 +13,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -69,7 +70,7 @@ class RolloutSettings:
     alone_share: float = 0.25
     """Of the epochs, the first ones: they have no more than that. In the others moments are predicted jointly too, in
     which the gap network decides."""
-    joint_weight: float = 0.3
+    joint_weight: float = 1.0
     """Of the error of these."""
     learns_gaps: bool = True
     """Whether the gap network learns too from them."""
@@ -90,9 +91,9 @@ class RolloutSettings:
     learning_rate: float = 5e-3
     """The highest, risen to and fallen from linearly."""
     huber: float = 3.0
-    """Position errors of who drives alone count linearly beyond it [m]."""
-    joint_huber: float = 15.0
-    """Likewise of joint predictions. Where it is small, most of those who might go wait, as most do."""
+    """Position errors count linearly beyond it [m], for the driver."""
+    gap_huber: float = 15.0
+    """Likewise where the gap network learns. Where it is small, nearly all of those who might go wait, as most do."""
     speed_weight: float = 0.3
     """Of the squared speed error."""
     effort_weight: float = 0.05
@@ -235,11 +236,12 @@ def _backward_jointly(data: Data, networks: Networks, settings: RolloutSettings,
     rollout = moments.predicted(Predictor(_policy(networks), "in training"))
     model = TorchPredictor(data.tables, moments.vehicles, networks)
 
-    def error(motion: Motion) -> Tensor:
-        error = _error(settings, settings.joint_huber, motion, moments.position, moments.speed, moments.scored)
+    def error(huber: float, motion: Motion) -> Tensor:
+        error = _error(settings, huber, motion, moments.position, moments.speed, moments.scored)
         return settings.joint_weight * error
 
-    return backward(model, moments.assignment, rollout, error, settings.learns_gaps)
+    of_driver, of_gaps = (partial(error, huber) for huber in (settings.huber, settings.gap_huber))
+    return backward(model, moments.assignment, rollout, of_driver, of_gaps if settings.learns_gaps else None)
 
 
 def _error(

@@ -24,15 +24,15 @@ from intersection_env.prediction.predictor import Predictor
 ROLLOUTS = {
     "alone only, no joint rollouts": ["--alone-share", "1.0"],
     "jointly from the first epoch on": ["--alone-share", "0"],
-    "joint predictions count three times as much": ["--joint-weight", "1"],
+    "joint predictions count three times as much": ["--joint-weight", "3"],
     "the gap network does not learn": ["--no-learns-gaps"],
     "alone for 5 s instead of 10 s": ["--steps", "25"],
     "starts every 4 s": ["--every", "4"],
     "no speed term": ["--speed-weight", "0"],
     "noise on inputs": ["--noise", "0.1"],
     "no free drives": ["--free-share", "0"],
-    "alone, positions beyond 1 m count linearly": ["--huber", "1"],
-    "jointly, positions beyond 3 m count linearly": ["--joint-huber", "3"],
+    "positions beyond 1 m count linearly": ["--huber", "1"],
+    "beyond 3 m for the gap network too": ["--gap-huber", "3"],
 }
 """Options of `imitation.rollout_gradient`, where they are not the default ones."""
 DEFAULT_ROLLOUTS = "rollout gradient, nothing changed"

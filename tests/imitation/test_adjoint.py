@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import partial
 
 import pytest
 import torch
@@ -12,7 +13,7 @@ from torch.nn.functional import logsigmoid
 from agents.networks.driving import DrivingNetwork
 from agents.networks.export import driving_network, driving_policy, gap_network, policy_file
 from agents.networks.gap import GapNetwork
-from imitation.adjoint import Motion, backward
+from imitation.adjoint import Error, Motion, backward
 from imitation.examples import recorded_examples
 from imitation.joint_moments import JointMoments
 from imitation.map_tables import MapTables
@@ -71,8 +72,8 @@ def test_gradients_are_those_of_the_steps_one_by_one(name: str, learns_gaps: boo
         TorchPredictor(TABLES, moments.vehicles, networks),
         moments.assignment,
         rollout,
-        lambda motion: error_of(moments, motion),
-        learns_gaps,
+        error := partial(error_of, moments),
+        error if learns_gaps else None,
     )
     ours = [one.clone() for one in gradients(driver, gaps)]
     for network in (driver, gaps):
@@ -95,7 +96,7 @@ def test_accepting_more_gaps_takes_drivers_further(moments: JointMoments) -> Non
     driver, gaps = networks_of("gail")
     rollout = moments.predicted(Predictor.load("gail"))
     model = TorchPredictor(TABLES, moments.vehicles, Networks(driver, gaps))
-    backward(model, moments.assignment, rollout, lambda motion: motion.position[-1].sum(), learns_gaps=True)
+    backward(model, moments.assignment, rollout, far := lambda motion: motion.position[-1].sum(), far)
     assert float(gaps.last.bias.grad) > 0.0  # type: ignore[arg-type]
 
 
@@ -107,8 +108,28 @@ def test_a_network_that_begins_has_finite_gradients(moments: JointMoments) -> No
         model,
         moments.assignment,
         moments.predicted(Predictor(policy, "new")),
-        lambda motion: error_of(moments, motion),
-        learns_gaps=True,
+        error := partial(error_of, moments),
+        error,
     )
     assert all(bool(one.isfinite().all()) for one in gradients(driver, gaps))
     assert max(float(one.abs().max()) for one in gradients(driver)) > 0.0
+
+
+def test_driver_and_gap_network_learn_from_errors_of_their_own(moments: JointMoments) -> None:
+    rollout = moments.predicted(Predictor.load("gail"))
+
+    def both(error: Error, gap_error: Error) -> list[Tensor]:
+        driver, gaps = networks_of("gail")
+        model = TorchPredictor(TABLES, moments.vehicles, Networks(driver, gaps))
+        backward(model, moments.assignment, rollout, error, gap_error)
+        return list(gradients(driver, gaps))
+
+    def far(motion: Motion) -> Tensor:
+        return motion.position[-1].sum()
+
+    near = partial(error_of, moments)
+    mixed, same, other = both(near, far), both(near, near), both(far, far)
+    of_driver = len(list(DrivingNetwork().parameters()))
+    for one, wanted in zip(mixed, [*same[:of_driver], *other[of_driver:]], strict=True):
+        torch.testing.assert_close(one, wanted)
+    assert not torch.allclose(same[-1], other[-1])

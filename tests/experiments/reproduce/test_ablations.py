@@ -142,7 +142,7 @@ def test_variants_change_what_they_say_and_nothing_else(workspace: Workspace, mo
     assert changes == [
         {"alone_share": 1.0},
         {"alone_share": 0.0},
-        {"joint_weight": 1.0},
+        {"joint_weight": 3.0},
         {"learns_gaps": False},
         {"steps": 25},
         {"every": 4.0},
@@ -150,7 +150,7 @@ def test_variants_change_what_they_say_and_nothing_else(workspace: Workspace, mo
         {"noise": 0.1},
         {"free_share": 0.0},
         {"huber": 1.0},
-        {"joint_huber": 3.0},
+        {"gap_huber": 3.0},
     ]
 
 
