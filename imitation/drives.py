@@ -19,7 +19,6 @@ from imitation.examples import LEAST_STEPS, Example
 from imitation.expert import expert_steps
 from imitation.map_tables import MapTables
 from imitation.torch_networks import Networks, View
-from imitation.tracks import replays
 from intersection_env.constants import DT, FREE_LEAD_SPEED, LEAD_RANGE, STEPS
 from intersection_env.features import Driving
 from intersection_env.scenes.scenes import Scenes
@@ -78,10 +77,9 @@ def recorded_drives(tables: MapTables, places: Sequence[Scenes], split: str, eve
     """
     columns: list[Drives] = []
     for place in places:
-        steps, tracks = expert_steps(place, split), replays(place, split).tracks.arrays
-        seen = steps.observation
-        route = tracks["track_route"][steps.track] + tables.begin[place.intersection.checksum]
-        half = 0.5 * tracks["track_length"][steps.track]
+        steps = expert_steps(place, split)
+        seen, half = steps.observation, steps.half_length
+        route = steps.route + tables.begin[place.intersection.checksum]
         front = tables.stop_line.numpy()[route] - seen[:, Driving.DISTANCE_TO_STOP_LINE]
         leads = seen[:, Driving.LEAD_SPEED] < FREE_LEAD_SPEED
         rear = np.where(leads, front + seen[:, Driving.LEAD_DISTANCE], NO_LEAD)

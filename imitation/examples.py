@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imitation.expert import expert_steps
-from imitation.tracks import replays
 from intersection_env.constants import DT, STEPS
 from intersection_env.evaluation.empty_road import free_drive
 from intersection_env.evaluation.moments import Moment
@@ -40,15 +39,9 @@ class Example(NamedTuple):
 
 def recorded_examples(moments: Sequence[Moment]) -> list[Example]:
     """Recorded moments; what counts are cars and trucks that are recorded now, for as long as they are."""
-    found = []
-    for moment in moments:
-        position = np.asarray(moment.recorded.data)
-        speed = np.zeros_like(position)
-        for i, track in enumerate(moment.tracks()):
-            own = track.speed[moment.future(track)]
-            speed[: len(own), i] = own
-        found.append(Example(moment.traffic, position, speed, moment.scored & moment.scored[0]))
-    return found
+    return [
+        Example(one.traffic, np.asarray(one.recorded.data), one.speed, one.scored & one.scored[0]) for one in moments
+    ]
 
 
 def teacher_named(name: str) -> Predictor:
@@ -122,13 +115,13 @@ def _recorded_speeds(scenes: Scenes) -> list[Floats]:
     The others had to wait just before, many of them. It is infinite beyond the junction's end, as there is no turn to
     slow for, and where fewer than ten such states are recorded.
     """
-    steps, tracks = expert_steps(scenes, None), replays(scenes, None).tracks.arrays
-    seen, route, half = steps.observation, tracks["track_route"][steps.track], 0.5 * tracks["track_length"][steps.track]
+    steps = expert_steps(scenes, None)
+    seen = steps.observation
     is_free = (seen[:, Driving.ENTERS] > 0.0) & (seen[:, Driving.LEAD_DISTANCE] > FREE_ROAD)
     found = []
     for one in scenes.intersection.routes:
-        own = is_free & (route == one.index)
-        position = one.stop_line - seen[own, Driving.DISTANCE_TO_STOP_LINE] - half[own]
+        own = is_free & (steps.route == one.index)
+        position = one.stop_line - seen[own, Driving.DISTANCE_TO_STOP_LINE] - steps.half_length[own]
         stretch, speed = (position / STRETCH).astype(np.int64), seen[own, Driving.SPEED]
         fast = np.full(int(one.length / STRETCH) + 1, np.inf, np.float32)
         for k in range(int(one.junction[1] / STRETCH)):

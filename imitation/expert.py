@@ -20,12 +20,14 @@ class ExpertSteps:
 
     observation: (step, 12), the features in their units, with delta from the recorded order.
     acceleration: (step,) [m/s²], what takes the vehicle on to its next recorded speed.
-    track: (step,) int32, an index into `ReplayWorlds.tracks`.
+    track: (step,) int32, an index into `ReplayWorlds.tracks`; its route (step,) int32, and half its length [m].
     """
 
     observation: NDArray[np.float32]
     acceleration: NDArray[np.float32]
     track: NDArray[np.int32]
+    route: NDArray[np.int32]
+    half_length: NDArray[np.float32]
 
     def __len__(self) -> int:
         return len(self.acceleration)
@@ -52,4 +54,6 @@ def expert_steps(scenes: str | Path | Scenes, split: str | None, gap: str | Path
             drives &= ~(worlds.terminated | worlds.truncated)
     observation, acceleration, track = (np.concatenate(one) for one in zip(*parts, strict=True))
     order = np.argsort(track, kind="stable")
-    return ExpertSteps(observation[order], acceleration[order], track[order])
+    track, arrays = track[order], worlds.tracks.arrays
+    half_length = 0.5 * arrays["track_length"][track]
+    return ExpertSteps(observation[order], acceleration[order], track, arrays["track_route"][track], half_length)

@@ -139,7 +139,7 @@ def train_driver(
         progress: whether to show a bar.
 
     Raises:
-        Interrupted: Ctrl-C was pressed; the checkpoint stands at the last whole epoch.
+        Interrupted: Ctrl-C or SIGTERM came; the checkpoint stands at the last whole epoch.
         ValueError: no usable scene.
     """
     decider, places = gap_decider(settings.decider), each_place(scenes)

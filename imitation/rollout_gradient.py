@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -161,7 +161,7 @@ def train_driver(
         progress: whether to show a bar.
 
     Raises:
-        Interrupted: Ctrl-C was pressed; the checkpoint stands at the last whole epoch.
+        Interrupted: Ctrl-C or SIGTERM came; the checkpoint stands at the last whole epoch.
         ValueError: no usable scene, or a decider without a gap network.
     """
     places = each_place(scenes)
@@ -276,8 +276,9 @@ def main(settings: RolloutSettings) -> int:
         driver, gaps = train_driver(places, settings, folder)
         about: dict[str, Any] = {"made_by": COMMAND, "settings": decisive(settings)}
         about |= {"maps": map_names(places), "sha256": hashes}
-        about |= last_look(driver, driving_policy(policy_file(gaps, {}), driver, {}), places, "rollout_gradient", True)
-        driving_policy(policy_file(gaps, {}), driver, about).save(command.output)
+        policy = _policy(Networks(driver, gaps))
+        about |= last_look(driver, policy, places, "rollout_gradient", True)
+        replace(policy, about=about).save(command.output)
     return command.status
 
 

@@ -33,19 +33,19 @@ def train_seeds(main: Callable[[Any], int], settings: Any) -> int:
 
     Args:
         main: the trainer's; returns its exit status.
-        settings: the trainer's.
+        settings: the trainer's; it may have neither `threads` nor `workers`.
 
     Returns:
         The exit status: 0, 1 if a seed failed, 130 after Ctrl-C, 143 after SIGTERM.
     """
-    if settings.workers:
+    if getattr(settings, "workers", 0):
         print("error: --seeds and --workers do not go together", file=sys.stderr)
         return FAILED
-    cores = max(settings.threads, 1)
+    has_threads = hasattr(settings, "threads")
+    cores = max(settings.threads, 1) if has_threads else 1
+    common = {"seeds": (), **({"threads": cores} if has_threads else {})}
     alone = {
-        seed: dataclasses.replace(
-            settings, seed=seed, seeds=(), threads=cores, run=settings.run.absolute() / f"seed_{seed}"
-        )
+        seed: dataclasses.replace(settings, seed=seed, run=settings.run.absolute() / f"seed_{seed}", **common)
         for seed in settings.seeds
     }
     try:

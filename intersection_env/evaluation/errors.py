@@ -234,7 +234,6 @@ def _errors(forecaster: Forecaster, moment: Moment) -> Errors:
     traffic, tracks = moment.traffic, moment.tracks()
     prediction = forecaster.predict(traffic)
     lost = np.zeros((STEPS + 1, len(traffic)))
-    speed = np.zeros((STEPS + 1, len(traffic)))
     for i, track in enumerate(tracks):
         part, route, top_speed = moment.future(track), int(traffic.route[i]), float(traffic.max_speed[i])
         truth = time_loss(traffic.intersection, route, track.position[part], track.speed[part], top_speed)
@@ -244,7 +243,6 @@ def _errors(forecaster: Forecaster, moment: Moment) -> Errors:
         predicted = time_loss(traffic.intersection, route, places, speeds, top_speed)
         at = np.arange(STEPS + 1)
         lost[:, i] = predicted[np.minimum(at, len(predicted) - 1)] - truth[np.minimum(at, len(truth) - 1)]
-        speed[: len(track.speed[part]), i] = track.speed[part]
     position, recorded = prediction.position[0].astype(np.float64), moment.recorded.data
     return Errors(
         distance=position - recorded,
@@ -252,7 +250,7 @@ def _errors(forecaster: Forecaster, moment: Moment) -> Errors:
         scored=moment.scored,
         recorded=~np.ma.getmaskarray(moment.recorded)[0],
         behind=_behind(moment, position, prediction.speed[0].astype(np.float64), prediction.present[0]),
-        recorded_behind=_behind(moment, recorded, speed, np.ones(recorded.shape, np.bool_)),
+        recorded_behind=_behind(moment, recorded, moment.speed.astype(np.float64), np.ones(recorded.shape, np.bool_)),
         recording=np.full(len(traffic), moment.scene.recording),
     )
 

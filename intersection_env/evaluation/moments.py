@@ -62,6 +62,15 @@ class Moment:
         return np.ma.masked_array(position, ~known)
 
     @cached_property
+    def speed(self) -> NDArray[np.float32]:
+        """The speeds as they became: (time, vehicle) [m/s], 0 once a track has ended."""
+        speed = np.zeros((STEPS + 1, len(self.traffic)), np.float32)
+        for i, track in enumerate(self.tracks()):
+            own = track.speed[self.future(track)]
+            speed[: len(own), i] = own
+        return speed
+
+    @cached_property
     def scored(self) -> NDArray[np.bool_]:
         """(time, vehicle), a car or truck that is recorded then."""
         is_scored = np.array([track.road_user in SCORED for track in self.tracks()], np.bool_)

@@ -16,8 +16,9 @@ import torch
 
 from agents.ppo import main
 from agents.training.folder import CHECKPOINT, METRICS, last_row
+from tests.support.scenes import small_scenes
 from tests.support.trainings import TINY_SHARED as TINY
-from tests.support.trainings import outcome, train_alone
+from tests.support.trainings import outcome, train_alone, trainer_of
 
 PATIENCE = 60.0  # [s]
 
@@ -39,6 +40,16 @@ def test_seeds_side_by_side_do_what_each_does_alone_and_one_may_fail(
         assert (tmp_path / "runs" / f"seed_{seed}" / "ppo.policy").exists()
         train_alone(replace(TINY, run=tmp_path / f"alone_{seed}", seed=seed))
         assert outcome(tmp_path / "runs" / f"seed_{seed}") == outcome(tmp_path / f"alone_{seed}")
+
+
+@pytest.mark.ray
+@pytest.mark.usefixtures("ray_with_two_cores")
+def test_seeds_of_a_trainer_without_threads_or_workers_are_those_of_each_alone(tmp_path: Path) -> None:
+    small_scenes("train", "development", each=1).save(tmp_path / "scenes.npz")
+    trainer = trainer_of("rollout_gradient", tmp_path / "scenes.npz")
+    assert trainer.main(replace(trainer.settings, run=tmp_path / "runs", seeds=(1, 2))) == 0
+    for seed in (1, 2):
+        assert trainer.outcome(tmp_path / "runs" / f"seed_{seed}") == trainer.train(tmp_path / str(seed), seed=seed)
 
 
 @pytest.mark.ray
