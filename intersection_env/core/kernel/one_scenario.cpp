@@ -46,8 +46,8 @@ void start(const LaneProblem& p, OneScenario& run) {
         row.route = lanes_at(p.route + at);
         row.position = lanes_at(p.position + at);
         row.speed = lanes_at(p.speed + at);
-        row.delta = lanes_at(p.committed + at);
-        row.hold = all_ints(-1);
+        row.delta = lanes_at(p.delta + at);
+        row.hold = lanes_at(p.hold + at);
         row.present = row.position < row.route_length;
         row.time_loss = all(0.0F);
     }
@@ -234,6 +234,9 @@ void move(const Problem& problem, float inverse_root, const Trajectories& t, int
         for (int at = step; at <= (step == STEPS - 1 ? STEPS : step); ++at) {
             store(t.acceleration + static_cast<long>(at) * count, r, count, applied);
             store(t.enters + static_cast<long>(at) * count, r, count, row.delta & 1);
+            if (t.hold != nullptr) {
+                store(t.hold + static_cast<long>(at) * count, r, count, row.hold);
+            }
         }
     }
 }

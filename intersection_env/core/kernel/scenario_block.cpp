@@ -29,8 +29,8 @@ void start(const Problem& problem, const ScenarioArguments& arguments, ScenarioB
         vehicle.speed = all(known.speed);
         vehicle.time_loss = all(0.0F);
         vehicle.present = all_ints(known.position < known.route_length ? -1 : 0);
-        vehicle.delta = all_ints(known.committed ? -1 : 0);
-        vehicle.hold = all_ints(-1);
+        vehicle.delta = all_ints(known.delta ? -1 : 0);
+        vehicle.hold = all_ints(known.hold);
     }
     for (int p = 0; p < pairs; ++p) {
         block.assignments[p] = Ints{};
@@ -175,6 +175,9 @@ void store_action(const ScenarioArguments& arguments, long count, long time, lon
                   Floats acceleration) {
     store(arguments.trajectories.acceleration, arguments, count, time, i, acceleration);
     store(arguments.trajectories.enters, arguments, count, time, i, vehicle.delta & 1);
+    if (arguments.trajectories.hold != nullptr) {
+        store(arguments.trajectories.hold, arguments, count, time, i, vehicle.hold);
+    }
 }
 
 } // namespace

@@ -35,7 +35,7 @@ struct Batch {
         return {assignments.data() + at(first) * at(problem.pair_count),
                 decisions.empty() ? nullptr : decisions.data() + at(first) * STEPS * vehicles,
                 count,
-                {from(t.position), from(t.speed), from(t.acceleration), from(t.enters), from(t.present)},
+                {from(t.position), from(t.speed), from(t.acceleration), from(t.enters), from(t.present), from(t.hold)},
                 results.time_loss + at(first) * vehicles,
                 results.minimum_distance == nullptr ? nullptr : results.minimum_distance + first,
                 results.followed == nullptr ? nullptr : results.followed + first};
@@ -201,7 +201,9 @@ void Predictor::bind(const Traffic& traffic, std::span<const Pair> pairs, Bound&
         bound.vehicles.push_back({tables_.first_row[at(index)], static_cast<int>(route.samples.size()) - 1,
                                   traffic.position[at(i)], traffic.speed[at(i)], 0.5F * traffic.length[at(i)],
                                   std::min(traffic.max_speed[at(i)], UNBOUNDED), route.stop_line, route.length, index,
-                                  committed(*map_, traffic, i), first, static_cast<int>(bound.candidates.size())});
+                                  traffic.has_memories() ? traffic.delta[at(i)] != 0 : committed(*map_, traffic, i),
+                                  traffic.has_memories() ? traffic.hold[at(i)] : -1, first,
+                                  static_cast<int>(bound.candidates.size())});
     }
     for (const Pair& pair : pairs) {
         const Conflict& conflict =

@@ -25,7 +25,8 @@ struct ProblemVehicle {
     float position, speed, half_length, max_speed;
     float stop_line, route_length;
     int route;
-    bool committed;
+    bool delta; // the memories at the start
+    int hold;
     int first_candidate, last_candidate; // range in Problem::candidates
 };
 
@@ -58,7 +59,7 @@ struct Touch {
 struct LaneProblem {
     int vehicles, padded_vehicles, candidates, padded_pairs; // candidates: the most that one vehicle has
     const float *half_length, *max_speed, *stop_line, *route_length, *last_row, *position, *speed; // (vehicle,)
-    const std::int32_t *first_row, *route, *committed;                                             // masks: 0 or -1
+    const std::int32_t *first_row, *route, *delta, *hold; // delta is a mask: 0 or -1
     // (candidate, vehicle)
     const std::int32_t *other, *other_stop_lane; // the latter: 0 where the stop lanes are the same, else -1
     const float *split, *merge, *offset, *other_half_length;
@@ -92,6 +93,7 @@ struct Problem {
 struct Trajectories {
     float *position, *speed, *acceleration;
     std::uint8_t *enters, *present;
+    std::int16_t* hold = nullptr; // also null where only the others are wanted
 };
 
 struct ScenarioArguments {
