@@ -45,8 +45,8 @@ class Traffic:
         length, width: (vehicle,) float32 [m].
         max_speed: (vehicle,) float32, each vehicle's own top speed [m/s]; unbounded by default. Bicycles: 5.
         delta, hold: (vehicle,) bool and int16, what each vehicle remembers from a prediction: whether it enters, and
-            whom it holds up (-1 nobody, else vehicles of routes below that index). Both, or neither: then they follow
-            from positions and speeds. `Prediction.traffic_at` gives them.
+            whom it lets go while it waits itself (yielders of routes below that index; -1: nobody). Both, or neither:
+            then they follow from positions and speeds. `Prediction.traffic_at` gives them.
         may_overlap: whether bodies may overlap, as they can in a prediction.
 
     Raises:
@@ -82,7 +82,7 @@ class Traffic:
         with naming(self.ids):
             core = _core.Traffic(core_map, *(getattr(self, name) for name in self._array_names()))
         touching = None if self.may_overlap else _core.closest(core_map, core)
-        if touching is not None and touching[0] < 0.0:
+        if touching is not None and touching[0] <= 0.0:
             raise ValueError(f"vehicles {self.ids[touching[1]]} and {self.ids[touching[2]]} overlap")
         object.__setattr__(self, "core", core)
         object.__setattr__(self, "conflicts", _core.conflicts(core_map, core))

@@ -45,7 +45,7 @@ class Prediction:
     enters: (scenario, time, vehicle) bool, the gap decision of that step.
     present: (scenario, time, vehicle) bool, not yet at its route's end; the other values stay as they were there.
     time_loss, minimum_distance: as in `Summary`.
-    hold: (scenario, time, vehicle) int16, whom it holds up from that step on, as in `Traffic`; None where the
+    hold: (scenario, time, vehicle) int16, whom it lets go from that step on, as in `Traffic`; None where the
         trajectories are not a `Predictor`'s.
     priorities: (scenario, pair) int8, those asked for and what they imply; None likewise.
     """

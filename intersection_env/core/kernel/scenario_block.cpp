@@ -116,14 +116,14 @@ void observe_and_decide(const Problem& problem, bool headings, ScenarioBlock& bl
 }
 
 Floats smallest_distance(const Problem& problem, const ScenarioBlock& block, Floats so_far) {
-    Circles<Floats> bodies[MAX_VEHICLES];
+    Rectangle<Floats> bodies[MAX_VEHICLES];
     for (int i = 0; i < problem.vehicle_count; ++i) {
-        bodies[i] = circles(problem, problem.vehicles[i], block.vehicles[i]);
+        bodies[i] = body(problem, problem.vehicles[i], block.vehicles[i]);
     }
     for (int t = 0; t < problem.touch_count; ++t) {
         const Touch& touch = problem.touches[t];
         const PredictedVehicle &a = block.vehicles[touch.a], &b = block.vehicles[touch.b];
-        so_far = least(so_far, distance(touch, a.present & b.present, a, b, bodies));
+        so_far = nearer(touch, a.present & b.present, a, b, bodies, so_far);
     }
     return so_far;
 }

@@ -5,8 +5,8 @@
 #include <stdexcept>
 #include <string>
 
-#include "model/circles.hpp"
 #include "model/contact.hpp"
+#include "model/rectangle.hpp"
 
 namespace intersection_env {
 namespace {
@@ -143,7 +143,7 @@ std::optional<Closest> closest(const Map& map, const Traffic& traffic) {
     std::optional<Closest> result;
     for (int i = 0; i < traffic.count(); ++i) {
         for (int j = i + 1; j < traffic.count(); ++j) {
-            const float distance = intersection_env::distance(map, body(traffic, i), body(traffic, j));
+            const float distance = clearance(map, body(traffic, i), body(traffic, j));
             if (distance >= NO_DISTANCE) {
                 continue;
             }

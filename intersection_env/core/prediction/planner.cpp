@@ -72,7 +72,7 @@ Traffic traffic_of(const Map& map, std::span<const Vehicle> vehicles) {
         traffic.max_speed.push_back(vehicle.max_speed);
     }
     check(map, traffic);
-    if (const auto found = closest(map, traffic); found && found->distance < 0.0F) {
+    if (const auto found = closest(map, traffic); found && found->distance <= 0.0F) {
         throw std::invalid_argument("vehicle " + std::to_string(found->a) + " and vehicle " + std::to_string(found->b) +
                                     " overlap");
     }

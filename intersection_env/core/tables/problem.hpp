@@ -6,7 +6,7 @@
 #include "intersection_env/map.hpp"
 #include "intersection_env/policy.hpp"
 #include "intersection_env/traffic.hpp"
-#include "model/circles.hpp"
+#include "model/rectangle.hpp"
 
 namespace intersection_env {
 
@@ -22,7 +22,7 @@ constexpr int OBSERVED_COLUMNS = 8, POSE_COLUMNS = 4;
 // One vehicle, as all scenarios know it.
 struct ProblemVehicle {
     int first_row, last_row; // of its route: its first row in the tables, its number of rows less one
-    float position, speed, half_length, max_speed;
+    float position, speed, half_length, half_width, max_speed;
     float stop_line, route_length;
     int route;
     bool delta; // the memories at the start
@@ -51,7 +51,7 @@ struct ProblemPair {
 struct Touch {
     int a, b;
     Interval on_a, on_b;
-    float radii; // [m], the sum of both
+    float reach; // [m], centres further apart than this and a distance are further apart than the distance
 };
 
 // The vehicles, lead candidates and pairs once more, one to a lane, padded to whole rows of the widest kernel: for one

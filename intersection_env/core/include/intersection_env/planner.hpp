@@ -47,7 +47,7 @@ struct Prediction {
     std::vector<std::uint8_t> enters, present; // likewise: the gap decision; not yet at its route's end
     std::vector<float> time_loss;              // (scenario, vehicle) [s]
     std::vector<float> minimum_distance;       // (scenario,) [m], infinite where no two vehicles can touch
-    std::vector<std::int16_t> hold;            // (scenario, STEPS + 1, vehicle): whom it holds up, as in Traffic
+    std::vector<std::int16_t> hold;            // (scenario, STEPS + 1, vehicle): whom it lets go, as in Traffic
     Traffic traffic;                           // what was predicted
 };
 
