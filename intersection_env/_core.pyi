@@ -116,7 +116,7 @@ class Map:
 class Traffic:
     """The vehicles at one moment, checked."""
 
-    def __init__(self, map: Map, route: Annotated[NDArray[numpy.int32], dict(shape=(None,), order='C', device='cpu', writable=False)], position: Annotated[NDArray[numpy.float32], dict(shape=(None,), order='C', device='cpu', writable=False)], speed: Annotated[NDArray[numpy.float32], dict(shape=(None,), order='C', device='cpu', writable=False)], length: Annotated[NDArray[numpy.float32], dict(shape=(None,), order='C', device='cpu', writable=False)], width: Annotated[NDArray[numpy.float32], dict(shape=(None,), order='C', device='cpu', writable=False)], max_speed: Annotated[NDArray[numpy.float32], dict(shape=(None,), order='C', device='cpu', writable=False)]) -> None: ...
+    def __init__(self, map: Map, route: Annotated[NDArray[numpy.int32], dict(shape=(None,), order='C', device='cpu', writable=False)], position: Annotated[NDArray[numpy.float32], dict(shape=(None,), order='C', device='cpu', writable=False)], speed: Annotated[NDArray[numpy.float32], dict(shape=(None,), order='C', device='cpu', writable=False)], length: Annotated[NDArray[numpy.float32], dict(shape=(None,), order='C', device='cpu', writable=False)], width: Annotated[NDArray[numpy.float32], dict(shape=(None,), order='C', device='cpu', writable=False)], max_speed: Annotated[NDArray[numpy.float32], dict(shape=(None,), order='C', device='cpu', writable=False)], delta: Annotated[NDArray[numpy.bool_], dict(shape=(None,), order='C', device='cpu', writable=False)] | None = None, hold: Annotated[NDArray[numpy.int16], dict(shape=(None,), order='C', device='cpu', writable=False)] | None = None) -> None: ...
 
 def conflicts(map: Map, traffic: Traffic) -> NDArray[numpy.int32]:
     """(pair, 2): yielder and prioritized vehicle of every open pair."""
@@ -127,7 +127,7 @@ def lane_order(map: Map, traffic: Traffic) -> NDArray[numpy.int32]:
     """
 
 def committed(map: Map, traffic: Traffic) -> NDArray[numpy.bool_]:
-    """(vehicle,): past stopping at its line."""
+    """(vehicle,): goes, and is past stopping at its line."""
 
 def closest(map: Map, traffic: Traffic) -> tuple[float, int, int] | None:
     """
@@ -142,6 +142,11 @@ def collision(map: Map, traffic: Traffic) -> tuple[int, int] | None:
 def complete(map: Map, traffic: Traffic, assignments: Annotated[NDArray[numpy.int8], dict(shape=(None, None), order='C', device='cpu', writable=False)]) -> NDArray[numpy.int8]:
     """
     (scenario, pair): the assignments and what they imply; raises ValueError for a contradiction.
+    """
+
+def carry_priorities(map: Map, before: Traffic, priorities: Annotated[NDArray[numpy.int8], dict(shape=(None,), order='C', device='cpu', writable=False)], vehicles: Annotated[NDArray[numpy.int32], dict(shape=(None,), order='C', device='cpu', writable=False)], after: Traffic) -> NDArray[numpy.int8]:
+    """
+    (pair after,): the priorities (pair before,) of the pairs still open; vehicles: (vehicle after,) indices before.
     """
 
 class Orders:
@@ -179,9 +184,9 @@ class Predictor:
         driving (vehicle, 12) and gap (pair, 4) features, and which pairs' gaps are accepted (pair,).
         """
 
-    def predict(self, traffic: Traffic, assignments: Annotated[NDArray[numpy.int8], dict(shape=(None, None), order='C', device='cpu', writable=False)], trajectories: bool, safety: bool, decisions: Annotated[NDArray[numpy.uint8], dict(shape=(None, None, None), order='C', writable=False)] | None = None, isa: str | None = None) -> tuple[NDArray[numpy.float32], NDArray[numpy.float32], NDArray[numpy.float32], NDArray[numpy.uint8], NDArray[numpy.uint8], NDArray[numpy.float32], NDArray[numpy.float32]]:
+    def predict(self, traffic: Traffic, assignments: Annotated[NDArray[numpy.int8], dict(shape=(None, None), order='C', device='cpu', writable=False)], trajectories: bool, safety: bool, decisions: Annotated[NDArray[numpy.uint8], dict(shape=(None, None, None), order='C', writable=False)] | None = None, isa: str | None = None) -> tuple[NDArray[numpy.float32], NDArray[numpy.float32], NDArray[numpy.float32], NDArray[numpy.uint8], NDArray[numpy.uint8], NDArray[numpy.float32], NDArray[numpy.float32], NDArray[numpy.int16], NDArray[numpy.int8]]:
         """
-        position, speed, acceleration, enters, present, time_loss, minimum_distance.
+        position, speed, acceleration, enters, present, time_loss, minimum_distance, hold, completed assignments.
         """
 
 def rank_maneuvers(predictor: Predictor, traffic: Traffic, cooperative: Annotated[NDArray[numpy.uint8], dict(shape=(None,), order='C', device='cpu', writable=False)], limit: int | None) -> tuple[dict[str, Any], int]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +14,7 @@ from intersection_env import _core
 from intersection_env.maps.intersection import Intersection
 
 FLOAT_FIELDS = ("position", "speed", "length", "width", "max_speed")
+MEMORY_DTYPES = {"delta": np.bool_, "hold": np.int16}
 
 
 class Vehicle(NamedTuple):
@@ -43,10 +44,15 @@ class Traffic:
         speed: (vehicle,) float32 [m/s], not negative.
         length, width: (vehicle,) float32 [m].
         max_speed: (vehicle,) float32, each vehicle's own top speed [m/s]; unbounded by default. Bicycles: 5.
+        delta, hold: (vehicle,) bool and int16, what each vehicle remembers from a prediction: whether it enters, and
+            whom it lets go while it waits itself (yielders of routes below that index; -1: nobody). Both, or neither:
+            then they follow from positions and speeds. `Prediction.traffic_at` gives them.
+        may_overlap: whether bodies may overlap, as they can in a prediction.
 
     Raises:
         TypeError: an array of another dtype, or an id that is no string.
-        ValueError: shapes that differ, a value out of range, an id twice, vehicles that overlap.
+        ValueError: shapes that differ, a value out of range, one memory without the other, an id twice, vehicles that
+            overlap.
     """
 
     intersection: Intersection
@@ -57,6 +63,9 @@ class Traffic:
     length: NDArray[np.float32]
     width: NDArray[np.float32]
     max_speed: NDArray[np.float32] = field(default=None)  # type: ignore[arg-type]
+    delta: NDArray[np.bool_] | None = None
+    hold: NDArray[np.int16] | None = None
+    may_overlap: bool = False
     core: _core.Traffic = field(init=False, repr=False, compare=False)
     conflicts: NDArray[np.int32] = field(init=False, repr=False, compare=False)
     """(pair, 2): indices of every pair still open, the one that yields by rule first."""
@@ -65,22 +74,28 @@ class Traffic:
         if self.max_speed is None:
             object.__setattr__(self, "max_speed", np.full(len(self.ids), np.inf, np.float32))
         self._check_arrays()
-        for name in ("route", *FLOAT_FIELDS):
+        for name in self._array_names():
             own = np.array(getattr(self, name), order="C")
             own.setflags(write=False)
             object.__setattr__(self, name, own)
         core_map = self.intersection.core
         with naming(self.ids):
-            core = _core.Traffic(core_map, *(getattr(self, name) for name in ("route", *FLOAT_FIELDS)))
-        touching = _core.closest(core_map, core)
-        if touching is not None and touching[0] < 0.0:
+            core = _core.Traffic(core_map, *(getattr(self, name) for name in self._array_names()))
+        touching = None if self.may_overlap else _core.closest(core_map, core)
+        if touching is not None and touching[0] <= 0.0:
             raise ValueError(f"vehicles {self.ids[touching[1]]} and {self.ids[touching[2]]} overlap")
         object.__setattr__(self, "core", core)
         object.__setattr__(self, "conflicts", _core.conflicts(core_map, core))
 
+    def _array_names(self) -> tuple[str, ...]:
+        return ("route", *FLOAT_FIELDS, *(() if self.hold is None else MEMORY_DTYPES))
+
     def _check_arrays(self) -> None:
-        for name in ("route", *FLOAT_FIELDS):
-            array, wanted = getattr(self, name), np.int32 if name == "route" else np.float32
+        if (self.delta is None) != (self.hold is None):
+            raise ValueError("memories need both delta and hold, or neither")
+        dtypes = {"route": np.int32, **dict.fromkeys(FLOAT_FIELDS, np.float32), **MEMORY_DTYPES}
+        for name in self._array_names():
+            array, wanted = getattr(self, name), dtypes[name]
             if not isinstance(array, np.ndarray) or array.dtype != wanted:
                 came = array.dtype if isinstance(array, np.ndarray) else type(array).__name__
                 raise TypeError(f"{name} must be an array of {wanted.__name__}, not {came}")
@@ -97,7 +112,9 @@ class Traffic:
     def of(cls, intersection: Intersection, vehicles: Iterable[Vehicle]) -> Traffic:
         """The traffic of vehicles written by hand."""
         rows = list(vehicles)
-        columns = {name: np.array([getattr(row, name) for row in rows], dtype=np.float32) for name in FLOAT_FIELDS}
+        columns: dict[str, Any] = {
+            name: np.array([getattr(row, name) for row in rows], dtype=np.float32) for name in FLOAT_FIELDS
+        }
         route = np.array([intersection.route_index(row.route) for row in rows], dtype=np.int32)
         return cls(intersection, tuple(row.id for row in rows), route, **columns)
 
@@ -144,8 +161,8 @@ class Traffic:
         return len(self.ids)
 
     def __reduce__(self) -> tuple[type[Traffic], tuple[object, ...]]:
-        arrays = (getattr(self, name) for name in ("route", *FLOAT_FIELDS))
-        return Traffic, (self.intersection, self.ids, *arrays)
+        arrays = (getattr(self, name) for name in ("route", *FLOAT_FIELDS, *MEMORY_DTYPES))
+        return Traffic, (self.intersection, self.ids, *arrays, self.may_overlap)
 
 
 class naming:  # noqa: N801, a context manager reads as a verb

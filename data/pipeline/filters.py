@@ -114,7 +114,7 @@ def touchings(tracks: Sequence[Track], intersection: Intersection) -> list[Inter
             raise ValueError(f"recording {ids[0].partition('/')[0]}, {one * DT:.1f} s: {error}") from None
         found = _core.closest(intersection.core, traffic)
         wider = _core.Traffic(intersection.core, route[rows], position, speed, length, width + DRIFT, unbounded)
-        if found is not None and found[0] < 0.0:
+        if found is not None and found[0] <= 0.0:
             touching.append(one)
         elif _core.collision(intersection.core, wider) is not None:
             too_close.append(one)

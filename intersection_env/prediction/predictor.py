@@ -45,6 +45,9 @@ class Prediction:
     enters: (scenario, time, vehicle) bool, the gap decision of that step.
     present: (scenario, time, vehicle) bool, not yet at its route's end; the other values stay as they were there.
     time_loss, minimum_distance: as in `Summary`.
+    hold: (scenario, time, vehicle) int16, whom it lets go from that step on, as in `Traffic`; None where the
+        trajectories are not a `Predictor`'s.
+    priorities: (scenario, pair) int8, those asked for and what they imply; None likewise.
     """
 
     traffic: Traffic
@@ -56,6 +59,62 @@ class Prediction:
     present: NDArray[np.bool_]
     time_loss: NDArray[np.float32]
     minimum_distance: NDArray[np.float32]
+    hold: NDArray[np.int16] | None = None
+    priorities: NDArray[np.int8] | None = None
+
+    def traffic_at(self, time: float, scenario: int = 0) -> Traffic:
+        """The vehicles still present at a time, with what they remember: predicted on, it goes on as this prediction.
+
+        Without priorities that holds to the byte; to keep to a scenario's order, predict with `priorities_at`.
+
+        Args:
+            time: [s] from now, one of `time`.
+            scenario: which one.
+
+        Raises:
+            ValueError: another time or scenario, or trajectories that are not a `Predictor`'s.
+        """
+        step = self._step(time, scenario)
+        if self.hold is None:
+            raise ValueError("these trajectories are not a Predictor's: nobody knows what the vehicles remember")
+        on, start = self.present[scenario, step], self.traffic
+        delta, hold = start.delta, start.hold
+        if step > 0:
+            delta, hold = self.enters[scenario, step - 1], self.hold[scenario, step - 1]
+        return Traffic(
+            start.intersection,
+            tuple(start.ids[i] for i in np.flatnonzero(on)),
+            start.route[on],
+            self.position[scenario, step, on],
+            self.speed[scenario, step, on],
+            start.length[on],
+            start.width[on],
+            start.max_speed[on],
+            None if delta is None else delta[on],
+            None if hold is None else hold[on],
+            may_overlap=True,
+        )
+
+    def priorities_at(self, time: float, scenario: int = 0) -> NDArray[np.int8]:
+        """The scenario's priorities for `traffic_at` that time: (pair,) over its `conflicts`.
+
+        Raises:
+            ValueError: as in `traffic_at`.
+        """
+        later = self.traffic_at(time, scenario)
+        if self.priorities is None:
+            raise ValueError("these trajectories are not a Predictor's: no priorities were asked for")
+        vehicles = np.flatnonzero(self.present[scenario, self._step(time, scenario)]).astype(np.int32)
+        before = self.traffic.core, self.priorities[scenario]
+        return _core.carry_priorities(self.traffic.intersection.core, *before, vehicles, later.core)
+
+    def _step(self, time: float, scenario: int) -> int:
+        if not 0 <= scenario < len(self.present):
+            raise ValueError(f"scenario must be from 0 to {len(self.present) - 1}, not {scenario}")
+        step = int(np.abs(self.time - time).argmin())
+        if not abs(float(self.time[step]) - time) < DT / 100:
+            raise ValueError(f"time must be a multiple of {DT:.1f} s from 0 to {self.time[-1]:.1f}, not {time}")
+        return step
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,12 +200,23 @@ class Predictor:
         assignments = as_assignments(traffic, priorities)
         with naming(traffic.ids):
             results = self.bound_to(traffic.intersection).predict(traffic.core, assignments, trajectories, True)
-        position, speed, acceleration, enters, present, time_loss, minimum_distance = results
+        position, speed, acceleration, enters, present, time_loss, minimum_distance, hold, completed = results
         if not trajectories:
             return Summary(traffic, time_loss, minimum_distance)
         time = np.arange(STEPS + 1, dtype=np.float32) * np.float32(DT)
-        flags = enters.view(np.bool_), present.view(np.bool_)
-        return Prediction(traffic, time, position, speed, acceleration, *flags, time_loss, minimum_distance)
+        return Prediction(
+            traffic,
+            time,
+            position,
+            speed,
+            acceleration,
+            enters.view(np.bool_),
+            present.view(np.bool_),
+            time_loss,
+            minimum_distance,
+            hold,
+            completed,
+        )
 
     def observe(self, traffic: Traffic) -> Observation:
         """What every vehicle sees and decides at this moment, without intervention."""

@@ -7,6 +7,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from intersection_env import Intersection, Predictor, _core, rank_maneuvers
@@ -103,10 +104,11 @@ def test_example_refuses_a_wrong_traffic_in_words(
         printed([str(planner)], prefix, tmp_path / "traffic.txt")
 
 
-def test_ten_lines_of_the_documentation_compile_and_run(prefix: Path, tmp_path: Path) -> None:
-    """The C++ block of docs/cpp.md that has a main, against the installed core alone."""
+@pytest.mark.parametrize("which", [0, 1])
+def test_lines_of_the_documentation_compile_and_run(prefix: Path, tmp_path: Path, which: int) -> None:
+    """The C++ blocks of docs/cpp.md that have a main, against the installed core alone."""
     blocks = re.findall(r"```cpp\n(.*?)```", (ROOT / "docs" / "cpp.md").read_text(), re.DOTALL)
-    (program,) = [block for block in blocks if "int main" in block]
+    program = [block for block in blocks if "int main" in block][which]
     executable = built_alone(program, tmp_path, prefix)
     share = prefix / "share" / "intersection_env"
     done = subprocess.run([executable], capture_output=True, text=True, check=False, cwd=share)
@@ -126,6 +128,28 @@ def test_a_planners_cycle_allocates_nothing(prefix: Path, tmp_path: Path) -> Non
         count, scenarios = re.findall(r"\d+", done.stdout)
         assert int(scenarios) > 32
         assert int(count) == 0
+
+
+def test_chained_cycles_of_a_planner_end_where_python_predicts(prefix: Path, tmp_path: Path) -> None:
+    """25 predictions in C++, each from the state of the one before, beside one in Python: the same bytes."""
+    program = (ROOT / "tests" / "hardening" / "cpp" / "chained.cpp").read_text()
+    executable = built_alone(program, tmp_path, prefix)
+    share = prefix / "share" / "intersection_env"
+    files = [share / "maps" / "bendplatz.map", share / "policies" / "gap.policy"]
+    kernel = {"INTERSECTION_ENV_ISA": _core.kernel_name()}
+    whole = Predictor.load("gap").predict(read_traffic(TRAFFIC))
+    for orders in ("free", "kept"):
+        command = [str(executable), *map(str, files), str(TRAFFIC), orders]
+        done = subprocess.run(command, capture_output=True, text=True, check=False, env=kernel)
+        assert done.returncode == 0, done.stderr
+        rows = np.array([[float(x) for x in line.split()] for line in done.stdout.splitlines()], np.float32)
+        if orders == "kept":
+            best = rank_maneuvers(Predictor.load("gap"), read_traffic(TRAFFIC))["priorities"].iloc[0]
+            whole = Predictor.load("gap").predict(read_traffic(TRAFFIC), best)
+            assert np.count_nonzero(best) > 3
+        later = whole.traffic_at(5.0)
+        columns = [np.asarray(getattr(later, name), np.float32) for name in ("position", "speed", "delta", "hold")]
+        np.testing.assert_array_equal(rows, np.stack(columns, axis=1))
 
 
 def test_installed_headers_and_files_are_those_that_are_documented(prefix: Path) -> None:

@@ -8,10 +8,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from tests.reference.bodies import body_distance, circles_distance
 from tests.reference.intersection import Map
 from tests.reference.lead import lead, lead_gaps
 from tests.reference.observe import Feature, observe
-from tests.reference.outputs import body_distance
 from tests.reference.pairs import conflicts
 from tests.reference.predict import predict
 from tests.reference.traffic import front
@@ -55,9 +55,10 @@ def test_observation_lists_the_features_in_order() -> None:
 # Outputs
 
 
-def test_distance_between_bodies_is_between_the_borders_of_their_circles() -> None:
+def test_distance_between_bodies_is_between_their_bumpers_in_a_lane() -> None:
     traffic = place(T_JUNCTION, ("W-E", 60, 0), ("W-E", 50, 0))
-    assert body_distance(T_JUNCTION, traffic, 0, 1) == pytest.approx(10 - 2 * 1 - 2 * 1)
+    assert body_distance(T_JUNCTION, traffic, 0, 1) == pytest.approx(10 - 2 - 2)
+    assert circles_distance(T_JUNCTION, traffic, 0, 1) == pytest.approx(10 - 2 * 1 - 2 * 1)
     assert predict(T_JUNCTION, traffic, driver="constant_velocity").minimum_distance == pytest.approx(6)
 
 

@@ -4,9 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from tests.reference.bodies import circles_distance
 from tests.reference.intersection import Booleans, Map
 from tests.reference.lead import lead_gaps
-from tests.reference.outputs import body_distance, can_touch
+from tests.reference.outputs import can_touch
 from tests.reference.pairs import conflict_of
 from tests.reference.traffic import Traffic, braking_distance, rear
 
@@ -22,7 +23,7 @@ def braked(traffic: Traffic) -> Traffic:
 def collide(intersection: Map, traffic: Traffic, i: int, j: int) -> bool:
     """Whether two vehicles collide, now or after braking."""
     return any(
-        can_touch(intersection, moment, i, j) and body_distance(intersection, moment, i, j) < SAFETY_DISTANCE
+        can_touch(intersection, moment, i, j) and circles_distance(intersection, moment, i, j) < SAFETY_DISTANCE
         for moment in (traffic, braked(traffic))
     )
 

@@ -7,11 +7,11 @@ import numpy as np
 
 from tests.reference.intersection import Booleans, Floats, Integers, Map
 from tests.reference.lead import lead
-from tests.reference.memory import Memory
+from tests.reference.memory import Memory, is_settled
 from tests.reference.networks import Network, evaluate
 from tests.reference.observe import Observation
 from tests.reference.pairs import conflict_of, is_active
-from tests.reference.traffic import Traffic, braking_distance, distance_to_stop_line, rear, speed_limit
+from tests.reference.traffic import Traffic, distance_to_stop_line, rear, speed_limit
 
 Gap = Literal["critical_gap", "sumo", "network"]
 
@@ -70,12 +70,6 @@ def accepts_gap(
 
 
 # Decision
-
-
-def is_settled(intersection: Map, traffic: Traffic, memory: Memory, i: int) -> bool:
-    """Whether the vehicle goes, by its memory, and could not stop at its line any more."""
-    cannot_stop = distance_to_stop_line(intersection, traffic, i) < braking_distance(traffic, i)
-    return bool(memory.delta[i]) and cannot_stop
 
 
 def say(intersection: Map, traffic: Traffic, memory: Memory, chooser: Chooser, observation: Observation) -> Says:

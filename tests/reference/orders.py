@@ -6,14 +6,14 @@ from collections.abc import Collection, Mapping, Sequence
 import numpy as np
 
 from tests.reference.intersection import Integers, Map
-from tests.reference.memory import initial_memory
-from tests.reference.pairs import conflicts
+from tests.reference.memory import Memory, settled
+from tests.reference.pairs import conflict_of, conflicts
 from tests.reference.traffic import Traffic, distance_to_stop_line
 
 
-def lane_chains(intersection: Map, traffic: Traffic) -> list[list[int]]:
+def lane_chains(intersection: Map, traffic: Traffic, memory: Memory | None = None) -> list[list[int]]:
     """The queues at the stop lines, one list a stop lane, front vehicle first."""
-    committed = initial_memory(intersection, traffic).delta
+    committed = settled(intersection, traffic, memory)
     queues: dict[int, list[int]] = {}
     for i in np.argsort(-traffic.position, kind="stable").tolist():
         route = intersection.routes[traffic.route[i]]
@@ -51,10 +51,12 @@ def oriented(pairs: Sequence[tuple[int, int]], signs: Sequence[int]) -> list[tup
     return [(i, j) if sign == 1 else (j, i) for (i, j), sign in zip(pairs, signs, strict=True) if sign != 0]
 
 
-def orders(intersection: Map, traffic: Traffic, cooperative: Collection[int] | None = None) -> set[tuple[int, ...]]:
+def orders(
+    intersection: Map, traffic: Traffic, cooperative: Collection[int] | None = None, memory: Memory | None = None
+) -> set[tuple[int, ...]]:
     """Every crossing order, as assignments (pair,) over `conflicts`, by trying all orientations."""
     pairs = [(int(i), int(j)) for i, j in conflicts(intersection, traffic)]
-    committed = initial_memory(intersection, traffic).delta  # at the start, delta = 1 only if it can no longer stop
+    committed = settled(intersection, traffic, memory)
     forced = {}
     for number, (i, j) in enumerate(pairs):
         is_chosen = cooperative is None or (i in cooperative and j in cooperative)
@@ -62,7 +64,7 @@ def orders(intersection: Map, traffic: Traffic, cooperative: Collection[int] | N
             forced[number] = 0
         elif committed[i] or committed[j]:
             forced[number] = 1 if committed[i] else -1
-    return acyclic_orientations(pairs, lane_chains(intersection, traffic), forced)
+    return acyclic_orientations(pairs, lane_chains(intersection, traffic, memory), forced)
 
 
 def precedes(edges: Collection[tuple[int, int]], first: int, second: int) -> bool:
@@ -84,19 +86,22 @@ def closure(pairs: Sequence[tuple[int, int]], chains: Sequence[Sequence[int]], s
     )
 
 
-def complete(intersection: Map, traffic: Traffic, assignments: Integers) -> Integers:
+def complete(intersection: Map, traffic: Traffic, assignments: Integers, memory: Memory | None = None) -> Integers:
     """Assignments (pair,) completed under lane order and transitively.
+
+    A yielder whose centre has left the conflict makes nobody wait.
 
     Raises: ValueError if they contradict lane order, each other, or what a vehicle can still do.
     """
     pairs = [(int(i), int(j)) for i, j in conflicts(intersection, traffic)]
     if assignments.shape != (len(pairs),) or not np.isin(assignments, (-1, 0, 1)).all():
         raise ValueError(f"assignments: got {assignments}, wanted -1, 0 or 1 for each of {len(pairs)} pairs")
-    closed = closure(pairs, lane_chains(intersection, traffic), assignments.tolist())
-    committed = initial_memory(intersection, traffic).delta
+    closed = closure(pairs, lane_chains(intersection, traffic, memory), assignments.tolist())
+    committed = settled(intersection, traffic, memory)
     is_fixed = [bool(committed[i] and committed[j]) for i, j in pairs]
     signs = [int(given) if fixed else sign for given, sign, fixed in zip(assignments, closed, is_fixed, strict=True)]
     for before, after in oriented(pairs, signs):
-        if committed[after]:
+        conflict = conflict_of(intersection, traffic, before, after)  # where the yielder goes first
+        if committed[after] and not (conflict is not None and traffic.position[before] >= conflict.end_yielder):
             raise ValueError(f"assignments: {after} can no longer stop for {before}")
     return np.array(signs, dtype=np.int64)

@@ -6,7 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from tests.reference.intersection import Booleans, Floats, Integers, Map, Sample, sample
+from tests.reference.bodies import body_distance
+from tests.reference.intersection import Booleans, Floats, Integers, Map
 from tests.reference.pairs import conflict_of
 from tests.reference.traffic import TIME_STEP, Traffic, front, rear, speed_limit
 
@@ -32,23 +33,6 @@ def can_touch(intersection: Map, traffic: Traffic, i: int, j: int) -> bool:
                 if meets_a and meets_b:
                     return True
     return False
-
-
-def body_distance(intersection: Map, traffic: Traffic, i: int, j: int) -> float:
-    """The smallest distance [m] between the borders of two bodies, each two circles of radius W/2 at ±L/4.
-
-    Beyond its last sample a route goes straight on.
-    """
-    centres = []
-    for k in (i, j):
-        route, position = int(traffic.route[k]), float(traffic.position[k])
-        here = sample(intersection, route, position)
-        forward = np.array([math.cos(here[Sample.HEADING]), math.sin(here[Sample.HEADING])])
-        beyond = max(0.0, position - intersection.spacing * (len(intersection.routes[route].samples) - 1))
-        centre = here[[Sample.X, Sample.Y]] + beyond * forward
-        centres.append([centre + side * traffic.length[k] / 4 * forward for side in (-1, 1)])
-    apart = min(float(np.hypot(*(p - q))) for p in centres[0] for q in centres[1])
-    return apart - float(traffic.width[i] + traffic.width[j]) / 2
 
 
 def minimum_distance(intersection: Map, traffic: Traffic, present: Booleans) -> float:

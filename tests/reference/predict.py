@@ -20,7 +20,7 @@ STEPS = 50
 
 @dataclass(frozen=True)
 class Prediction:
-    """time (time,); position, speed, acceleration, enters, present (time, vehicle); time_loss (vehicle,) [s]."""
+    """time (time,); position, speed, acceleration, enters, present, hold (time, vehicle); time_loss (vehicle,) [s]."""
 
     time: Floats
     position: Floats
@@ -28,6 +28,7 @@ class Prediction:
     acceleration: Floats
     enters: Booleans
     present: Booleans
+    hold: Integers
     time_loss: Floats
     minimum_distance: float
 
@@ -44,16 +45,19 @@ def predict(
     idm_parameters: Idm = PAPER_IDM,
     delta: Booleans | None = None,
     steps: int = STEPS,
+    memory: Memory | None = None,
 ) -> Prediction:
-    """Rolls one scenario out; assignments: (pair,); delta: (step, vehicle) decisions to replay.
+    """Rolls one scenario out; assignments: (pair,); delta: (step, vehicle) decisions to replay. memory: what
+    everybody remembers; without, as at a start.
 
     Raises: ValueError for assignments that contradict lane order, each other, or what a vehicle can still do.
     """
-    pairs, memory = conflicts(intersection, traffic), initial_memory(intersection, traffic)
+    pairs = conflicts(intersection, traffic)
     given = np.zeros(len(pairs), dtype=np.int64) if assignments is None else assignments
-    chooser = Chooser(pairs, complete(intersection, traffic, given), Rules(gap, gap_network))
+    chooser = Chooser(pairs, complete(intersection, traffic, given, memory), Rules(gap, gap_network))
+    memory = initial_memory(intersection, traffic) if memory is None else memory
     states, presences = [traffic], [memory.present]
-    enters, reached = [], []
+    enters, reached, held = [], [], []
     for step in range(steps):
         observation = observe(intersection, traffic, memory, pairs)
         says = say(intersection, traffic, memory, chooser, observation)
@@ -67,6 +71,7 @@ def predict(
         presences.append(present)
         enters.append(decided)
         reached.append(acceleration)
+        held.append(hold)
     return Prediction(
         time=np.array([TIME_STEP * step for step in range(steps + 1)]),
         position=np.array([state.position for state in states]),
@@ -74,6 +79,7 @@ def predict(
         acceleration=np.array([*reached, reached[-1]]),
         enters=np.array([*enters, enters[-1]]),
         present=np.array(presences),
+        hold=np.array([*held, held[-1]]),
         time_loss=time_loss(intersection, states[:-1], presences[:-1]),
         minimum_distance=min(minimum_distance(intersection, *moment) for moment in zip(states, presences, strict=True)),
     )

@@ -6,7 +6,7 @@ For tests, where the package has the same names; the rules are in the files that
 from tests.reference.decide import accepts_gap
 from tests.reference.drive import NETWORK_ACCELERATION, Idm, drive
 from tests.reference.intersection import Map, load_map
-from tests.reference.memory import initial_memory
+from tests.reference.memory import Memory, initial_memory
 from tests.reference.networks import Network, evaluate
 from tests.reference.observe import observe
 from tests.reference.orders import complete, lane_chains, orders
@@ -19,6 +19,7 @@ __all__ = [
     "TIME_STEP",
     "Idm",
     "Map",
+    "Memory",
     "Network",
     "Traffic",
     "accepts_gap",

@@ -32,7 +32,7 @@ def replayed(
     decisions = np.ascontiguousarray(truth.enters[None, :50].astype(np.uint8))
     for isa in _core.available_kernels():
         results = predictor.predict(traffic.core, assignment, True, True, decisions, isa)
-        position, speed, acceleration, enters, present, time_loss, distance = results
+        position, speed, acceleration, enters, present, time_loss, distance, *_ = results
         np.testing.assert_array_equal(present[0].astype(bool), truth.present, err_msg=isa)
         np.testing.assert_array_equal(enters[0].astype(bool), truth.enters, err_msg=isa)
         np.testing.assert_allclose(position[0], truth.position, atol=TRAJECTORY_TOLERANCE, err_msg=isa)

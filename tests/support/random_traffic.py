@@ -5,9 +5,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from tests.reference.bodies import body_distance
 from tests.reference.intersection import Map, Sample, sample
 from tests.reference.lead import lead_gaps
-from tests.reference.outputs import body_distance, can_touch
+from tests.reference.outputs import can_touch
 from tests.reference.traffic import FIELDS, Traffic
 
 BICYCLE_SPEED = 5.0  # m/s

@@ -29,7 +29,7 @@ struct OneScenario {
     Ints settled[MAX_ROWS], enters[MAX_ROWS];           // masks, from before this step
     Ints decided[MAX_ROWS];                             // masks: no gap decision changes what they do at this step
     std::uint64_t refused, refused_by_assignment, kept; // one bit a vehicle
-    Circles<Floats> circles[MAX_ROWS];
+    Floats x[MAX_ROWS], y[MAX_ROWS], cosine[MAX_ROWS], sine[MAX_ROWS];
 };
 
 void start(const LaneProblem& p, OneScenario& run) {
@@ -46,8 +46,8 @@ void start(const LaneProblem& p, OneScenario& run) {
         row.route = lanes_at(p.route + at);
         row.position = lanes_at(p.position + at);
         row.speed = lanes_at(p.speed + at);
-        row.delta = lanes_at(p.committed + at);
-        row.hold = all_ints(-1);
+        row.delta = lanes_at(p.delta + at);
+        row.hold = lanes_at(p.hold + at);
         row.present = row.position < row.route_length;
         row.time_loss = all(0.0F);
     }
@@ -163,11 +163,11 @@ void decide_pairs(const Problem& problem, const std::int32_t* assignments, long 
 void locate(const Problem& problem, OneScenario& run) {
     for (int r = 0; r < run.count; ++r) {
         const VehicleRow& row = run.rows[r];
-        Floats pose[4], cosine, sine;
+        Floats pose[4];
         interpolate<1, 1>(problem.pose, row.first_row, row.last_row, row.position * problem.inverse_spacing, pose);
-        direction(pose[2], cosine, sine);
-        const Floats offset = CIRCLE_OFFSET * 2.0F * row.half_length;
-        run.circles[r] = {pose[0], pose[1], offset * cosine, offset * sine};
+        direction(pose[2], run.cosine[r], run.sine[r]);
+        run.x[r] = pose[0];
+        run.y[r] = pose[1];
     }
 }
 
@@ -176,9 +176,10 @@ float smallest_distance(const Problem& problem, OneScenario& run, float so_far) 
     locate(problem, run);
     const float* position = reinterpret_cast<const float*>(run.position);
     const auto of = [&](int vehicle) {
-        const Circles<Floats>& c = run.circles[vehicle / WIDTH];
-        const int l = vehicle % WIDTH;
-        return Circles<float>{c.x[l], c.y[l], c.dx[l], c.dy[l]};
+        const int r = vehicle / WIDTH, l = vehicle % WIDTH;
+        const ProblemVehicle& known = problem.vehicles[vehicle];
+        return Rectangle<float>{run.x[r][l],    run.y[r][l],       run.cosine[r][l],
+                                run.sine[r][l], known.half_length, known.half_width};
     };
     for (int t = 0; t < problem.touch_count; ++t) {
         const Touch& touch = problem.touches[t];
@@ -186,8 +187,11 @@ float smallest_distance(const Problem& problem, OneScenario& run, float so_far) 
         const float half_a = problem.vehicles[touch.a].half_length, half_b = problem.vehicles[touch.b].half_length;
         if (a < FAR && b < FAR && a + half_a >= touch.on_a.begin && a - half_a <= touch.on_a.end &&
             b + half_b >= touch.on_b.begin && b - half_b <= touch.on_b.end) {
-            const float distance = __builtin_sqrtf(squared_distance(of(touch.a), of(touch.b))) - touch.radii;
-            so_far = distance < so_far ? distance : so_far;
+            const Rectangle<float> one = of(touch.a), other = of(touch.b);
+            const float x = one.x - other.x, y = one.y - other.y;
+            if (x * x + y * y < squared_range(touch, so_far)) {
+                so_far = smaller(so_far, __builtin_sqrtf(squared_distance(one, other)));
+            }
         }
     }
     return so_far;
@@ -234,6 +238,9 @@ void move(const Problem& problem, float inverse_root, const Trajectories& t, int
         for (int at = step; at <= (step == STEPS - 1 ? STEPS : step); ++at) {
             store(t.acceleration + static_cast<long>(at) * count, r, count, applied);
             store(t.enters + static_cast<long>(at) * count, r, count, row.delta & 1);
+            if (t.hold != nullptr) {
+                store(t.hold + static_cast<long>(at) * count, r, count, row.hold);
+            }
         }
     }
 }

@@ -29,8 +29,8 @@ void start(const Problem& problem, const ScenarioArguments& arguments, ScenarioB
         vehicle.speed = all(known.speed);
         vehicle.time_loss = all(0.0F);
         vehicle.present = all_ints(known.position < known.route_length ? -1 : 0);
-        vehicle.delta = all_ints(known.committed ? -1 : 0);
-        vehicle.hold = all_ints(-1);
+        vehicle.delta = all_ints(known.delta ? -1 : 0);
+        vehicle.hold = all_ints(known.hold);
     }
     for (int p = 0; p < pairs; ++p) {
         block.assignments[p] = Ints{};
@@ -116,14 +116,14 @@ void observe_and_decide(const Problem& problem, bool headings, ScenarioBlock& bl
 }
 
 Floats smallest_distance(const Problem& problem, const ScenarioBlock& block, Floats so_far) {
-    Circles<Floats> bodies[MAX_VEHICLES];
+    Rectangle<Floats> bodies[MAX_VEHICLES];
     for (int i = 0; i < problem.vehicle_count; ++i) {
-        bodies[i] = circles(problem, problem.vehicles[i], block.vehicles[i]);
+        bodies[i] = body(problem, problem.vehicles[i], block.vehicles[i]);
     }
     for (int t = 0; t < problem.touch_count; ++t) {
         const Touch& touch = problem.touches[t];
         const PredictedVehicle &a = block.vehicles[touch.a], &b = block.vehicles[touch.b];
-        so_far = least(so_far, distance(touch, a.present & b.present, a, b, bodies));
+        so_far = nearer(touch, a.present & b.present, a, b, bodies, so_far);
     }
     return so_far;
 }
@@ -175,6 +175,9 @@ void store_action(const ScenarioArguments& arguments, long count, long time, lon
                   Floats acceleration) {
     store(arguments.trajectories.acceleration, arguments, count, time, i, acceleration);
     store(arguments.trajectories.enters, arguments, count, time, i, vehicle.delta & 1);
+    if (arguments.trajectories.hold != nullptr) {
+        store(arguments.trajectories.hold, arguments, count, time, i, vehicle.hold);
+    }
 }
 
 } // namespace

@@ -1,4 +1,4 @@
-// A vehicle as two circles (paper, Section III-B.3), for single numbers and for lanes alike.
+// A vehicle as two circles, as the worlds see it (paper, Section III-B.3), for single numbers and for lanes alike.
 #pragma once
 
 namespace intersection_env {
@@ -9,7 +9,6 @@ struct Circles {
     F x, y, dx, dy;
 };
 
-constexpr float NO_DISTANCE = 3.0e38F; // stands for: they cannot touch
 constexpr float CIRCLE_OFFSET = 0.25F; // of the length; ours: shared/neighbouring lanes stay apart
 constexpr float CIRCLE_RADIUS = 0.5F;  // of the width
 

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "model/circles.hpp"
+#include "model/rectangle.hpp"
 
 namespace intersection_env {
 namespace {
@@ -12,6 +13,12 @@ Circles<float> circles(const Map& map, const Body& body) {
     const Sample sample = straight_on(map, body.route, body.position);
     const float offset = CIRCLE_OFFSET * body.length;
     return {sample.x, sample.y, offset * std::cos(sample.heading), offset * std::sin(sample.heading)};
+}
+
+Rectangle<float> rectangle(const Map& map, const Body& body) {
+    const Sample sample = straight_on(map, body.route, body.position);
+    return {sample.x,           sample.y,         std::cos(sample.heading), std::sin(sample.heading),
+            0.5F * body.length, 0.5F * body.width};
 }
 
 bool meets(const Body& body, const Interval& interval) {
@@ -28,6 +35,14 @@ bool can_touch(const Map& map, const Body& a, const Body& b) {
     }
     const bool in_order = overlap->a == a.route;
     return meets(a, in_order ? overlap->on_a : overlap->on_b) && meets(b, in_order ? overlap->on_b : overlap->on_a);
+}
+
+// Between the borders of their circles [m]; NO_DISTANCE where they cannot touch.
+float between_circles(const Map& map, const Body& a, const Body& b) {
+    if (!can_touch(map, a, b)) {
+        return NO_DISTANCE;
+    }
+    return std::sqrt(squared_distance(circles(map, a), circles(map, b))) - CIRCLE_RADIUS * (a.width + b.width);
 }
 
 // How far b is ahead of a in a lane they share [m]; 0 where they share none here.
@@ -60,21 +75,18 @@ Sample straight_on(const Map& map, int route, float position) {
     return sample;
 }
 
-float distance(const Map& map, const Body& a, const Body& b) {
-    if (!can_touch(map, a, b)) {
-        return NO_DISTANCE;
-    }
-    return std::sqrt(squared_distance(circles(map, a), circles(map, b))) - CIRCLE_RADIUS * (a.width + b.width);
+float clearance(const Map& map, const Body& a, const Body& b) {
+    return can_touch(map, a, b) ? std::sqrt(squared_distance(rectangle(map, a), rectangle(map, b))) : NO_DISTANCE;
 }
 
 bool collide(const Map& map, const Body& a, const Body& b, float braking_a, float braking_b) {
-    if (distance(map, a, b) < COLLISION_DISTANCE) {
+    if (between_circles(map, a, b) < COLLISION_DISTANCE) {
         return true;
     }
     Body braked_a = a, braked_b = b;
     braked_a.position += braking_a;
     braked_b.position += braking_b;
-    return distance(map, braked_a, braked_b) < COLLISION_DISTANCE;
+    return between_circles(map, braked_a, braked_b) < COLLISION_DISTANCE;
 }
 
 Blame to_blame(const Map& map, const Body& a, const Body& b) {

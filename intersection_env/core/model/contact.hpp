@@ -19,10 +19,11 @@ struct Body {
 // The sample at an arc length; beyond its end a route goes straight on.
 Sample straight_on(const Map& map, int route, float position);
 
-// Between the borders of their circles [m]; NO_DISTANCE where they cannot touch.
-float distance(const Map& map, const Body& a, const Body& b);
+// Between their rectangles [m], 0 where they overlap; NO_DISTANCE where they cannot touch.
+float clearance(const Map& map, const Body& a, const Body& b);
 
-// Nearer than COLLISION_DISTANCE now, or once both have braked, which takes them `braking_a` and `braking_b` metres.
+// As the worlds see it: the borders of their circles are nearer than COLLISION_DISTANCE now, or once both have braked,
+// which takes them `braking_a` and `braking_b` metres.
 bool collide(const Map& map, const Body& a, const Body& b, float braking_a, float braking_b);
 
 // By right of way, then by the order in the lane; both where neither says anything.

@@ -5,8 +5,8 @@
 #include <stdexcept>
 #include <string>
 
-#include "model/circles.hpp"
 #include "model/contact.hpp"
+#include "model/rectangle.hpp"
 
 namespace intersection_env {
 namespace {
@@ -21,6 +21,27 @@ void check_number(int vehicle, const char* what, float value, float least, float
     if (!(value >= least && value <= most)) {
         refuse(vehicle, std::string(what) + " must be from " + std::to_string(least) + " to " + std::to_string(most) +
                             ", not " + std::to_string(value));
+    }
+}
+
+} // namespace
+
+namespace {
+
+void check_memories(const Map& map, const Traffic& traffic) {
+    const std::size_t count = traffic.route.size(), wanted = traffic.has_memories() ? count : 0;
+    if (traffic.hold.size() != wanted || traffic.delta.size() != wanted) {
+        throw std::invalid_argument("memories need delta and hold, each with one entry a vehicle");
+    }
+    const int most = static_cast<int>(map.routes.size());
+    for (int i = 0; i < static_cast<int>(wanted); ++i) {
+        if (traffic.delta[at(i)] > 1) {
+            refuse(i, "delta must be 0 or 1, not " + std::to_string(traffic.delta[at(i)]));
+        }
+        if (traffic.hold[at(i)] < -1 || traffic.hold[at(i)] > most) {
+            refuse(i, "hold must be from -1 to " + std::to_string(most) + ", the number of routes, not " +
+                          std::to_string(traffic.hold[at(i)]));
+        }
     }
 }
 
@@ -51,6 +72,7 @@ void check(const Map& map, const Traffic& traffic) {
             refuse(i, "max_speed must be at least 0.1, not " + std::to_string(traffic.max_speed[at(i)]));
         }
     }
+    check_memories(map, traffic);
 }
 
 void find_conflicts(const Map& map, const Traffic& traffic, std::vector<Pair>& found) {
@@ -103,6 +125,9 @@ bool committed(const Map& map, const Traffic& traffic, int vehicle) {
     const Route& route = map.routes[at(traffic.route[at(vehicle)])];
     const float speed = traffic.speed[at(vehicle)];
     const bool cannot_stop = route.stop_line - traffic.front(vehicle) < speed * speed / (2.0F * BRAKING);
+    if (traffic.has_memories()) {
+        return cannot_stop && traffic.delta[at(vehicle)] != 0;
+    }
     return cannot_stop && (speed >= 1.0F || traffic.front(vehicle) > route.first_conflict);
 }
 
@@ -118,7 +143,7 @@ std::optional<Closest> closest(const Map& map, const Traffic& traffic) {
     std::optional<Closest> result;
     for (int i = 0; i < traffic.count(); ++i) {
         for (int j = i + 1; j < traffic.count(); ++j) {
-            const float distance = intersection_env::distance(map, body(traffic, i), body(traffic, j));
+            const float distance = clearance(map, body(traffic, i), body(traffic, j));
             if (distance >= NO_DISTANCE) {
                 continue;
             }

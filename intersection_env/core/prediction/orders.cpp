@@ -24,6 +24,15 @@ void mark_committed(const Map& map, const Traffic& traffic, std::vector<std::uin
     }
 }
 
+void mark_passed(const Map& map, const Traffic& traffic, std::span<const Pair> pairs,
+                 std::vector<std::uint8_t>& flags) {
+    flags.clear();
+    for (const auto& [i, j] : pairs) {
+        const Conflict& conflict = *map.conflict(traffic.route[at(i)], traffic.route[at(j)]);
+        flags.push_back(traffic.position[at(i)] >= conflict.on_yielder.end ? 1 : 0);
+    }
+}
+
 int first_of(const Pair& pair, int direction) { return direction > 0 ? pair.yielder : pair.prioritized; }
 int second_of(const Pair& pair, int direction) { return direction > 0 ? pair.prioritized : pair.yielder; }
 
@@ -34,6 +43,11 @@ std::int8_t implied(const Precedence& precedence, const Pair& pair, const std::v
     }
     const bool yielder_first = precedence.before(pair.yielder, pair.prioritized);
     return yielder_first ? 1 : precedence.before(pair.prioritized, pair.yielder) ? -1 : 0;
+}
+
+// Whether a direction makes a vehicle wait that can no longer stop. passed: the yielder's centre has left the conflict.
+bool cannot_wait(const Pair& pair, int direction, bool passed, const std::vector<std::uint8_t>& committed) {
+    return direction != 0 && !(direction > 0 && passed) && committed[at(second_of(pair, direction))] != 0;
 }
 
 std::string vehicle(int index) { return "vehicle " + std::to_string(index); }
@@ -63,6 +77,7 @@ Orders::Orders(const Map& map, const Traffic& traffic, std::span<const Pair> pai
     : pairs_(pairs.begin(), pairs.end()), preferred_(preferred.begin(), preferred.end()), order_(pairs.size(), 0),
       precedence_(preceding(lane_order(map, traffic), traffic.count())) {
     mark_committed(map, traffic, committed_);
+    mark_passed(map, traffic, pairs_, passed_);
     for (std::size_t p = 0; p < pairs_.size(); ++p) {
         const Pair& pair = pairs_[p];
         if (cooperative[at(pair.yielder)] == 0 || cooperative[at(pair.prioritized)] == 0) {
@@ -136,7 +151,7 @@ bool Orders::advance() {
 bool Orders::complete_into(std::int8_t* out) const {
     for (std::size_t p = 0; p < pairs_.size(); ++p) {
         out[p] = order_[p] != 0 ? order_[p] : implied(precedence_, pairs_[p], committed_);
-        if (out[p] != 0 && committed_[at(second_of(pairs_[p], out[p]))] != 0) {
+        if (cannot_wait(pairs_[p], out[p], passed_[p] != 0, committed_)) {
             return false;
         }
     }
@@ -169,6 +184,7 @@ void Completion::prepare(const Map& map, const Traffic& traffic, std::span<const
     lane_order(map, traffic, order_);
     lanes_ = preceding(order_, traffic.count());
     mark_committed(map, traffic, committed_);
+    mark_passed(map, traffic, pairs, passed_);
 }
 
 void Completion::complete(std::span<std::int8_t> assignments) const {
@@ -193,7 +209,7 @@ void Completion::complete(std::span<std::int8_t> assignments) const {
             assignments[p] = implied(precedence, pair, committed_);
         }
         const int direction = assignments[p];
-        if (direction != 0 && committed_[at(second_of(pair, direction))] != 0) {
+        if (cannot_wait(pair, direction, passed_[p] != 0, committed_)) {
             throw std::invalid_argument(vehicle(second_of(pair, direction)) + " cannot wait for " +
                                         vehicle(first_of(pair, direction)) + ": it can no longer stop");
         }

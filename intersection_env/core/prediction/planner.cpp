@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "kernel/dispatch.hpp"
+#include "prediction/carry.hpp"
 #include "prediction/predictor.hpp"
 
 namespace intersection_env {
@@ -36,6 +37,28 @@ std::size_t scenarios_in(std::span<const std::int8_t> priorities, std::size_t pa
     return priorities.size() / pairs;
 }
 
+std::size_t frame_of(const Prediction& prediction, int step, int scenario) {
+    if (step < 0 || step > STEPS || scenario < 0 || scenario >= prediction.scenarios) {
+        throw std::invalid_argument("no step " + std::to_string(step) + " of scenario " + std::to_string(scenario) +
+                                    " in a prediction of " + std::to_string(prediction.scenarios) + " scenarios and " +
+                                    std::to_string(STEPS) + " steps");
+    }
+    return (static_cast<std::size_t>(scenario) * (STEPS + 1) + static_cast<std::size_t>(step)) *
+           static_cast<std::size_t>(prediction.vehicles);
+}
+
+// The indices of those present.
+std::vector<int> present_at(const Prediction& prediction, int step, int scenario) {
+    const std::size_t first = frame_of(prediction, step, scenario);
+    std::vector<int> vehicles;
+    for (int i = 0; i < prediction.vehicles; ++i) {
+        if (prediction.present[first + static_cast<std::size_t>(i)] != 0) {
+            vehicles.push_back(i);
+        }
+    }
+    return vehicles;
+}
+
 } // namespace
 
 Traffic traffic_of(const Map& map, std::span<const Vehicle> vehicles) {
@@ -49,7 +72,7 @@ Traffic traffic_of(const Map& map, std::span<const Vehicle> vehicles) {
         traffic.max_speed.push_back(vehicle.max_speed);
     }
     check(map, traffic);
-    if (const auto found = closest(map, traffic); found && found->distance < 0.0F) {
+    if (const auto found = closest(map, traffic); found && found->distance <= 0.0F) {
         throw std::invalid_argument("vehicle " + std::to_string(found->a) + " and vehicle " + std::to_string(found->b) +
                                     " overlap");
     }
@@ -75,6 +98,7 @@ void Planner::predict(const Traffic& traffic, std::span<const std::int8_t> prior
     const std::size_t vehicles = traffic.route.size(), scenarios = scenarios_in(priorities, result.pairs.size());
     result.scenarios = static_cast<int>(scenarios);
     result.vehicles = traffic.count();
+    result.traffic = traffic;
     result.priorities.assign(priorities.begin(), priorities.end());
     result.priorities.resize(scenarios * result.pairs.size());
     for (auto* values : {&result.position, &result.speed, &result.acceleration}) {
@@ -82,14 +106,47 @@ void Planner::predict(const Traffic& traffic, std::span<const std::int8_t> prior
     }
     result.enters.resize(result.position.size());
     result.present.resize(result.position.size());
+    result.hold.resize(result.position.size());
     result.time_loss.resize(scenarios * vehicles);
     result.minimum_distance.resize(scenarios);
     predictor_->predict(traffic, result.priorities, result.scenarios, {},
                         {{result.position.data(), result.speed.data(), result.acceleration.data(), result.enters.data(),
-                          result.present.data()},
+                          result.present.data(), result.hold.data()},
                          result.time_loss.data(),
                          result.minimum_distance.data()},
                         kernel());
+}
+
+Traffic Planner::traffic_at(const Prediction& prediction, int step, int scenario) const {
+    const std::size_t frame = frame_of(prediction, step, scenario);
+    const std::size_t before = frame - (step > 0 ? static_cast<std::size_t>(prediction.vehicles) : 0);
+    const Traffic& start = prediction.traffic;
+    Traffic now;
+    for (const int vehicle : present_at(prediction, step, scenario)) {
+        const auto i = static_cast<std::size_t>(vehicle);
+        now.route.push_back(start.route[i]);
+        now.position.push_back(prediction.position[frame + i]);
+        now.speed.push_back(prediction.speed[frame + i]);
+        now.length.push_back(start.length[i]);
+        now.width.push_back(start.width[i]);
+        now.max_speed.push_back(start.max_speed[i]);
+        if (step > 0) { // what was decided at the step before
+            now.delta.push_back(prediction.enters[before + i]);
+            now.hold.push_back(prediction.hold[before + i]);
+        } else if (start.has_memories()) {
+            now.delta.push_back(start.delta[i]);
+            now.hold.push_back(start.hold[i]);
+        }
+    }
+    return now;
+}
+
+std::vector<std::int8_t> Planner::priorities_at(const Prediction& prediction, int step, int scenario) const {
+    const std::vector<Pair> after = find_conflicts(map(), traffic_at(prediction, step, scenario));
+    const std::span<const std::int8_t> all = prediction.priorities;
+    const std::size_t pairs = prediction.pairs.size();
+    return carry_priorities(prediction.pairs, all.subspan(static_cast<std::size_t>(scenario) * pairs, pairs),
+                            present_at(prediction, step, scenario), after);
 }
 
 Ranking Planner::rank(const Traffic& traffic, std::span<const std::uint8_t> cooperative,

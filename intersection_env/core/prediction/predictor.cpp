@@ -2,13 +2,14 @@
 
 #include <algorithm>
 #include <atomic>
+#include <cmath>
 #include <functional>
 #include <limits>
 #include <stdexcept>
 #include <string>
 
 #include "intersection_env/orders.hpp"
-#include "model/circles.hpp"
+#include "model/rectangle.hpp"
 #include "tables/lane_tables.hpp"
 #include "threads.hpp"
 
@@ -16,6 +17,7 @@ namespace intersection_env {
 namespace {
 
 constexpr Interval EVERYWHERE{-FAR, FAR};
+constexpr float ROUNDED_REACH = 0.001F; // [m], above what rounding can take from a distance
 
 std::size_t at(int index) { return static_cast<std::size_t>(index); }
 
@@ -35,7 +37,7 @@ struct Batch {
         return {assignments.data() + at(first) * at(problem.pair_count),
                 decisions.empty() ? nullptr : decisions.data() + at(first) * STEPS * vehicles,
                 count,
-                {from(t.position), from(t.speed), from(t.acceleration), from(t.enters), from(t.present)},
+                {from(t.position), from(t.speed), from(t.acceleration), from(t.enters), from(t.present), from(t.hold)},
                 results.time_loss + at(first) * vehicles,
                 results.minimum_distance == nullptr ? nullptr : results.minimum_distance + first,
                 results.followed == nullptr ? nullptr : results.followed + first};
@@ -168,9 +170,10 @@ void Predictor::add_candidates(const Traffic& traffic, int i, Bound& bound) cons
 }
 
 void Predictor::add_touches(const Traffic& traffic, Bound& bound) const {
+    const auto half_diagonal = [&](int i) { return 0.5F * std::hypot(traffic.length[at(i)], traffic.width[at(i)]); };
     for (int a = 0; a < traffic.count(); ++a) {
         for (int b = a + 1; b < traffic.count(); ++b) {
-            Touch touch{a, b, EVERYWHERE, EVERYWHERE, CIRCLE_RADIUS * (traffic.width[at(a)] + traffic.width[at(b)])};
+            Touch touch{a, b, EVERYWHERE, EVERYWHERE, half_diagonal(a) + half_diagonal(b) + ROUNDED_REACH};
             if (traffic.route[at(a)] != traffic.route[at(b)]) {
                 const Overlap* overlap = map_->overlap(traffic.route[at(a)], traffic.route[at(b)]);
                 if (overlap == nullptr) {
@@ -198,10 +201,12 @@ void Predictor::bind(const Traffic& traffic, std::span<const Pair> pairs, Bound&
         const Route& route = map_->routes[at(index)];
         const int first = static_cast<int>(bound.candidates.size());
         add_candidates(traffic, i, bound);
-        bound.vehicles.push_back({tables_.first_row[at(index)], static_cast<int>(route.samples.size()) - 1,
-                                  traffic.position[at(i)], traffic.speed[at(i)], 0.5F * traffic.length[at(i)],
-                                  std::min(traffic.max_speed[at(i)], UNBOUNDED), route.stop_line, route.length, index,
-                                  committed(*map_, traffic, i), first, static_cast<int>(bound.candidates.size())});
+        bound.vehicles.push_back(
+            {tables_.first_row[at(index)], static_cast<int>(route.samples.size()) - 1, traffic.position[at(i)],
+             traffic.speed[at(i)], 0.5F * traffic.length[at(i)], 0.5F * traffic.width[at(i)],
+             std::min(traffic.max_speed[at(i)], UNBOUNDED), route.stop_line, route.length, index,
+             traffic.has_memories() ? traffic.delta[at(i)] != 0 : committed(*map_, traffic, i),
+             traffic.has_memories() ? traffic.hold[at(i)] : -1, first, static_cast<int>(bound.candidates.size())});
     }
     for (const Pair& pair : pairs) {
         const Conflict& conflict =

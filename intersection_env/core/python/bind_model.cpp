@@ -26,8 +26,15 @@ namespace {
 
 Traffic make_traffic(const Map& map, const Vector<int>& route, const Vector<float>& position,
                      const Vector<float>& speed, const Vector<float>& length, const Vector<float>& width,
-                     const Vector<float>& max_speed) {
+                     const Vector<float>& max_speed, const std::optional<Vector<bool>>& delta,
+                     const std::optional<Vector<std::int16_t>>& hold) {
     Traffic traffic{copy(route), copy(position), copy(speed), copy(length), copy(width), copy(max_speed)};
+    if (delta) {
+        traffic.delta.assign(delta->data(), delta->data() + delta->size());
+    }
+    if (hold) {
+        traffic.hold.assign(hold->data(), hold->data() + hold->size());
+    }
     check(map, traffic);
     return traffic;
 }
@@ -107,7 +114,8 @@ void bind_model(nb::module_& m) {
 
     nb::class_<Traffic>(m, "Traffic", "The vehicles at one moment, checked.")
         .def(nb::new_(&make_traffic), "map"_a, "route"_a.noconvert(), "position"_a.noconvert(), "speed"_a.noconvert(),
-             "length"_a.noconvert(), "width"_a.noconvert(), "max_speed"_a.noconvert());
+             "length"_a.noconvert(), "width"_a.noconvert(), "max_speed"_a.noconvert(),
+             "delta"_a.noconvert().none() = nb::none(), "hold"_a.noconvert().none() = nb::none());
 
     m.def(
         "conflicts", [](const Map& map, const Traffic& t) { return as_array(find_conflicts(map, t)); }, "map"_a,
@@ -124,7 +132,7 @@ void bind_model(nb::module_& m) {
             }
             return array;
         },
-        "map"_a, "traffic"_a, "(vehicle,): past stopping at its line.");
+        "map"_a, "traffic"_a, "(vehicle,): goes, and is past stopping at its line.");
     m.def(
         "closest",
         [](const Map& map, const Traffic& t) -> std::optional<std::tuple<float, int, int>> {

@@ -19,6 +19,7 @@
 #include "intersection_env/orders.hpp"
 #include "intersection_env/policy.hpp"
 #include "kernel/dispatch.hpp"
+#include "prediction/carry.hpp"
 #include "prediction/predictor.hpp"
 #include "python/arrays.hpp"
 
@@ -31,7 +32,10 @@ namespace {
 using Floats = nb::ndarray<nb::numpy, float>;
 using Flags = nb::ndarray<nb::numpy, std::uint8_t>;
 
-std::tuple<Floats, Floats, Floats, Flags, Flags, Floats, Floats>
+using Shorts = nb::ndarray<nb::numpy, std::int16_t>;
+using Directions = nb::ndarray<nb::numpy, std::int8_t>;
+
+std::tuple<Floats, Floats, Floats, Flags, Flags, Floats, Floats, Shorts, Directions>
 predict(const Predictor& predictor, const Traffic& traffic, const Matrix<std::int8_t>& assignments, bool trajectories,
         bool safety, const std::optional<nb::ndarray<const std::uint8_t, nb::ndim<3>, nb::c_contig>>& decisions,
         const std::optional<std::string>& isa) {
@@ -39,24 +43,28 @@ predict(const Predictor& predictor, const Traffic& traffic, const Matrix<std::in
     const std::vector<std::size_t> shape{trajectories ? scenarios : 0, STEPS + 1, vehicles};
     auto position = make<float>(shape), speed = make<float>(shape), acceleration = make<float>(shape);
     auto enters = make<std::uint8_t>(shape), present = make<std::uint8_t>(shape);
+    auto hold = make<std::int16_t>(shape);
     auto time_loss = make<float>({scenarios, vehicles});
     auto minimum_distance = make<float>({safety ? scenarios : 0});
     Results results;
     if (trajectories) {
-        results.trajectories = {position.data(), speed.data(), acceleration.data(), enters.data(), present.data()};
+        results.trajectories = {position.data(), speed.data(),   acceleration.data(),
+                                enters.data(),   present.data(), hold.data()};
     }
     results.time_loss = time_loss.data();
     results.minimum_distance = safety ? minimum_distance.data() : nullptr;
-    std::vector<std::int8_t> completed(assignments.data(), assignments.data() + assignments.size());
+    auto completed = make<std::int8_t>({scenarios, assignments.shape(1)});
+    std::copy_n(assignments.data(), assignments.size(), completed.data());
     const std::span<const std::uint8_t> replayed =
         decisions ? std::span<const std::uint8_t>(decisions->data(), decisions->size())
                   : std::span<const std::uint8_t>();
     {
         const nb::gil_scoped_release release;
-        predictor.predict(traffic, completed, static_cast<int>(scenarios), replayed, results,
+        predictor.predict(traffic, {completed.data(), completed.size()}, static_cast<int>(scenarios), replayed, results,
                           isa ? kernel_named(*isa) : kernel());
     }
-    return std::make_tuple(position, speed, acceleration, enters, present, time_loss, minimum_distance);
+    return std::make_tuple(position, speed, acceleration, enters, present, time_loss, minimum_distance, hold,
+                           completed);
 }
 
 std::tuple<Floats, Floats, Flags> observe(const Predictor& predictor, const Traffic& traffic) {
@@ -176,6 +184,26 @@ void bind_prediction(nb::module_& m) {
         "map"_a, "traffic"_a, "assignments"_a.noconvert(),
         "(scenario, pair): the assignments and what they imply; raises ValueError for a contradiction.");
 
+    m.def(
+        "carry_priorities",
+        [](const Map& map, const Traffic& before, const Vector<std::int8_t>& priorities, const Vector<int>& vehicles,
+           const Traffic& after) {
+            const std::vector<Pair> pairs = find_conflicts(map, before);
+            if (priorities.size() != pairs.size() || vehicles.size() != after.route.size()) {
+                throw std::invalid_argument("priorities take one direction a pair before, vehicles one index a vehicle "
+                                            "after");
+            }
+            const std::vector<std::int8_t> carried =
+                carry_priorities(pairs, {priorities.data(), priorities.size()}, {vehicles.data(), vehicles.size()},
+                                 find_conflicts(map, after));
+            auto array = make<std::int8_t>({carried.size()});
+            std::copy(carried.begin(), carried.end(), array.data());
+            return array;
+        },
+        "map"_a, "before"_a, "priorities"_a.noconvert(), "vehicles"_a.noconvert(), "after"_a,
+        "(pair after,): the priorities (pair before,) of the pairs still open; vehicles: (vehicle after,) indices "
+        "before.");
+
     nb::class_<Orders>(m, "Orders", "Streams the crossing orders of a traffic.")
         .def(nb::new_(&make_orders), "map"_a, "traffic"_a, "cooperative"_a.noconvert(), "preferred"_a.noconvert())
         .def(
@@ -206,7 +234,8 @@ void bind_prediction(nb::module_& m) {
              "driving (vehicle, 12) and gap (pair, 4) features, and which pairs' gaps are accepted (pair,).")
         .def("predict", &predict, "traffic"_a, "assignments"_a.noconvert(), "trajectories"_a, "safety"_a,
              "decisions"_a.noconvert().none() = nb::none(), "isa"_a = nb::none(),
-             "position, speed, acceleration, enters, present, time_loss, minimum_distance.");
+             "position, speed, acceleration, enters, present, time_loss, minimum_distance, hold, completed "
+             "assignments.");
 
     m.def("rank_maneuvers", &rank, "predictor"_a, "traffic"_a, "cooperative"_a.noconvert(), "limit"_a.none(),
           "Every crossing order and no intervention, ranked: columns (maneuver,), priorities (maneuver, pair); and how "

@@ -31,7 +31,8 @@ void LaneTables::fill_vehicles(const std::vector<ProblemVehicle>& vehicles) {
     speed_.assign(size, 0.0F);
     first_row_.assign(size, 0);
     route_.assign(size, 0);
-    committed_.assign(size, 0);
+    delta_.assign(size, 0);
+    hold_.assign(size, -1);
     for (std::size_t i = 0; i < vehicles.size(); ++i) {
         const ProblemVehicle& vehicle = vehicles[i];
         half_length_[i] = vehicle.half_length;
@@ -43,7 +44,8 @@ void LaneTables::fill_vehicles(const std::vector<ProblemVehicle>& vehicles) {
         speed_[i] = vehicle.speed;
         first_row_[i] = vehicle.first_row;
         route_[i] = vehicle.route;
-        committed_[i] = vehicle.committed ? -1 : 0;
+        delta_[i] = vehicle.delta ? -1 : 0;
+        hold_[i] = vehicle.hold;
     }
 }
 
@@ -130,7 +132,8 @@ LaneProblem LaneTables::problem() const {
             speed_.data(),
             first_row_.data(),
             route_.data(),
-            committed_.data(),
+            delta_.data(),
+            hold_.data(),
             other_.data(),
             other_stop_lane_.data(),
             split_.data(),

@@ -22,7 +22,7 @@ class LaneTables {
 
     int vehicles_ = 0, padded_vehicles_ = 0, candidates_ = 0, padded_pairs_ = 0;
     LaneVector<float> half_length_, max_speed_, stop_line_, route_length_, last_row_, position_, speed_;
-    LaneVector<std::int32_t> first_row_, route_, committed_;
+    LaneVector<std::int32_t> first_row_, route_, delta_, hold_;
     LaneVector<std::int32_t> other_, other_stop_lane_;
     LaneVector<float> split_, merge_, offset_, other_half_length_;
     LaneVector<std::int32_t> pair_, yielder_, prioritized_, yielder_route_, merging_;

@@ -6,7 +6,7 @@
 #include "intersection_env/map.hpp"
 #include "intersection_env/policy.hpp"
 #include "intersection_env/traffic.hpp"
-#include "model/circles.hpp"
+#include "model/rectangle.hpp"
 
 namespace intersection_env {
 
@@ -22,10 +22,11 @@ constexpr int OBSERVED_COLUMNS = 8, POSE_COLUMNS = 4;
 // One vehicle, as all scenarios know it.
 struct ProblemVehicle {
     int first_row, last_row; // of its route: its first row in the tables, its number of rows less one
-    float position, speed, half_length, max_speed;
+    float position, speed, half_length, half_width, max_speed;
     float stop_line, route_length;
     int route;
-    bool committed;
+    bool delta; // the memories at the start
+    int hold;
     int first_candidate, last_candidate; // range in Problem::candidates
 };
 
@@ -50,7 +51,7 @@ struct ProblemPair {
 struct Touch {
     int a, b;
     Interval on_a, on_b;
-    float radii; // [m], the sum of both
+    float reach; // [m], centres further apart than this and a distance are further apart than the distance
 };
 
 // The vehicles, lead candidates and pairs once more, one to a lane, padded to whole rows of the widest kernel: for one
@@ -58,7 +59,7 @@ struct Touch {
 struct LaneProblem {
     int vehicles, padded_vehicles, candidates, padded_pairs; // candidates: the most that one vehicle has
     const float *half_length, *max_speed, *stop_line, *route_length, *last_row, *position, *speed; // (vehicle,)
-    const std::int32_t *first_row, *route, *committed;                                             // masks: 0 or -1
+    const std::int32_t *first_row, *route, *delta, *hold; // delta is a mask: 0 or -1
     // (candidate, vehicle)
     const std::int32_t *other, *other_stop_lane; // the latter: 0 where the stop lanes are the same, else -1
     const float *split, *merge, *offset, *other_half_length;
@@ -92,6 +93,7 @@ struct Problem {
 struct Trajectories {
     float *position, *speed, *acceleration;
     std::uint8_t *enters, *present;
+    std::int16_t* hold = nullptr; // also null where only the others are wanted
 };
 
 struct ScenarioArguments {

@@ -53,7 +53,7 @@ class Orders {
     std::vector<Pair> pairs_;
     std::vector<std::size_t> open_; // indices of the pairs with a choice
     std::vector<std::int8_t> preferred_, order_;
-    std::vector<std::uint8_t> committed_;
+    std::vector<std::uint8_t> committed_, passed_; // passed_: see Completion
     std::vector<Choice> choices_;
     Precedence precedence_;
     bool started_ = false, finished_ = false;
@@ -75,6 +75,7 @@ class Completion {
     std::vector<Pair> order_;
     Precedence lanes_{0};
     std::vector<std::uint8_t> committed_;
+    std::vector<std::uint8_t> passed_; // (pair,): the yielder's centre has left, so nobody need wait for it
 };
 
 } // namespace intersection_env

@@ -47,6 +47,8 @@ struct Prediction {
     std::vector<std::uint8_t> enters, present; // likewise: the gap decision; not yet at its route's end
     std::vector<float> time_loss;              // (scenario, vehicle) [s]
     std::vector<float> minimum_distance;       // (scenario,) [m], infinite where no two vehicles can touch
+    std::vector<std::int16_t> hold;            // (scenario, STEPS + 1, vehicle): whom it lets go, as in Traffic
+    Traffic traffic;                           // what was predicted
 };
 
 // Never changes once it is made: threads may share one and call it at the same time.
@@ -65,6 +67,13 @@ class Planner {
     Prediction predict(const Traffic& traffic, std::span<const std::int8_t> priorities = {}) const;
     // The same into memory that is there: from the second cycle on nothing is allocated, unless the traffic has grown.
     void predict(const Traffic& traffic, std::span<const std::int8_t> priorities, Prediction& result) const;
+
+    // The traffic at a step, 0 to STEPS, of a predicted scenario: the vehicles then present, in their order, with what
+    // they remember. Predicted on, it goes on as the prediction does, and keeps to its order with priorities_at:
+    // (pair,) over find_conflicts of that traffic. Bodies may overlap in it, as in the prediction. Throws
+    // std::invalid_argument for a step or scenario that the prediction does not have.
+    Traffic traffic_at(const Prediction& prediction, int step, int scenario = 0) const;
+    std::vector<std::int8_t> priorities_at(const Prediction& prediction, int step, int scenario = 0) const;
 
     // cooperative: one flag a vehicle; only pairs of two that take instructions are ordered. Empty: all do.
     // Otherwise as rank_maneuvers.

@@ -21,8 +21,13 @@ struct Traffic {
     std::vector<int> route;
     std::vector<float> position, speed, length, width;
     std::vector<float> max_speed; // the vehicle's own top speed
+    // What each vehicle remembers from a prediction: whether it enters, and whom it lets go while it waits itself:
+    // yielders of routes below that index (-1: nobody). Both empty: docs/model.md, "Memories at the start".
+    std::vector<std::uint8_t> delta{};
+    std::vector<std::int16_t> hold{};
 
     int count() const { return static_cast<int>(route.size()); }
+    bool has_memories() const { return !hold.empty(); }
     float front(int i) const {
         return position[static_cast<std::size_t>(i)] + 0.5F * length[static_cast<std::size_t>(i)];
     }
@@ -47,17 +52,19 @@ void find_conflicts(const Map& map, const Traffic& traffic, std::vector<Pair>& f
 std::vector<Pair> lane_order(const Map& map, const Traffic& traffic); // {ahead, behind}
 void lane_order(const Map& map, const Traffic& traffic, std::vector<Pair>& order);
 
-// Whether a vehicle is past stopping at its line, and so counts as having decided to enter.
+// Whether a vehicle goes and is past stopping at its line: by its memory, or without by the rule.
 bool committed(const Map& map, const Traffic& traffic, int vehicle);
 
-// The smallest distance between circles of two vehicles that can touch, and which two; nothing if none can.
+// The smallest distance between the bodies, rigid rectangles, of two vehicles that can touch, and which two; nothing if
+// none can. 0: they overlap.
 struct Closest {
     float distance;
     int a, b;
 };
 std::optional<Closest> closest(const Map& map, const Traffic& traffic);
 
-// The first two vehicles that collide as the worlds understand it: now, or once both have braked fully.
+// The first two vehicles that collide as the worlds understand it, by two circles each: now, or once both have braked
+// fully.
 std::optional<std::pair<int, int>> collision(const Map& map, const Traffic& traffic);
 
 } // namespace intersection_env

@@ -4,6 +4,7 @@
 #include "kernel/lanes/random.hpp"
 #include "kernel/step/decide.hpp"
 #include "kernel/step/reward.hpp"
+#include "model/circles.hpp"
 #include "model/contact.hpp"
 #include "tables/map_tables.hpp"
 

@@ -1,0 +1,35 @@
+// Predicts 5 s of a traffic in 25 cycles, each from the state of the one before, and prints position, speed, delta and
+// hold of everybody still present: chained MAP POLICY TRAFFIC free|kept. kept: the best order is kept to.
+#include <cstdio>
+#include <fstream>
+#include <string>
+#include <vector>
+
+#include <intersection_env/planner.hpp>
+
+using namespace intersection_env;
+
+int main(int, char** arguments) {
+    const Planner planner(Map::read(arguments[1]), Policy::read(arguments[2]));
+    std::vector<Vehicle> vehicles;
+    std::ifstream file(arguments[3]);
+    std::string id;
+    for (Vehicle v{}; file >> id >> v.route >> v.position >> v.speed >> v.length >> v.width;) {
+        vehicles.push_back(v);
+    }
+    Traffic now = traffic_of(planner.map(), vehicles);
+    std::vector<std::int8_t> priorities;
+    if (std::string(arguments[4]) == "kept") {
+        const Ranking ranking = planner.rank(now);
+        priorities.assign(ranking.priorities_of(0).begin(), ranking.priorities_of(0).end());
+    }
+    for (int cycle = 0; cycle < 25; ++cycle) {
+        const Prediction next = planner.predict(now, priorities);
+        priorities = planner.priorities_at(next, 1);
+        now = planner.traffic_at(next, 1);
+    }
+    for (std::size_t i = 0; i < now.route.size(); ++i) {
+        std::printf("%.9g %.9g %d %d\n", now.position[i], now.speed[i], now.delta[i], now.hold[i]);
+    }
+    return 0;
+}
