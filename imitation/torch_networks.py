@@ -14,7 +14,7 @@ from intersection_env.constants import ACCELERATION, DT
 from intersection_env.features import Driving
 from intersection_env.policies.file import NetworkWeights, PolicyFile
 
-LEAST_LEAD_GAP, ROUNDED_STOP = 0.5, 0.02  # [m], of what limits a network
+LEAST_LEAD_GAP, ROUNDED_STOP = 1.0, 0.02  # [m], of what limits a network
 LEAST_ROOT = 1e-12  # keeps the slope of a root finite
 
 Network = Callable[[Tensor], Tensor]

@@ -75,7 +75,7 @@ def limited(features: Floats, wanted: float) -> float:
     lead_gap, lead_speed = float(features[Feature.D_LEAD]), float(features[Feature.V_LEAD])
     lead_next = max(0.0, lead_speed - TIME_STEP * NETWORK_ACCELERATION)
     lead_stops = TIME_STEP * (lead_speed + lead_next) / 2 + lead_next**2 / (2 * NETWORK_ACCELERATION)
-    bounds = [(lead_gap + lead_stops - 0.5, NETWORK_ACCELERATION)]
+    bounds = [(lead_gap + lead_stops - 1.0, NETWORK_ACCELERATION)]
     if features[Feature.DELTA] == 0:
         bounds.append((to_line - 0.02, BRAKING))
     allowed = wanted

@@ -10,7 +10,7 @@ namespace intersection_env::INTERSECTION_ENV_ISA {
 constexpr float LEAST_GAP = 0.1F; // [m], ours: keeps the model finite where bumpers touch
 
 // Ours, of what limits a network:
-constexpr float LEAST_LEAD_GAP = 0.5F; // [m], at which vehicles count as colliding
+constexpr float LEAST_LEAD_GAP = 1.0F; // [m], ours: SUMO's least; where lanes fan out, bodies are nearer than bumpers
 constexpr float ROUNDED_STOP = 0.02F;  // [m], by which a stop in whole steps may be longer than v²/2b
 
 // inverse_root: 1 / (2 sqrt(a b)). What the road alone asks for takes the speed to the free speed in a step at most:
