@@ -2,7 +2,7 @@
 
 A source file is JSON: arms with their right of way, lanes as polylines in driving direction, and
 routes as sequences of lanes. Where one lane of a route ends apart from where the next begins, the
-gap is bridged by a smooth curve, so an author draws straight lanes only.
+gap is bridged by a smooth curve, so an author draws straight lanes only; a way inside the junction may be drawn.
 """
 
 from __future__ import annotations
@@ -56,6 +56,8 @@ class RouteSource:
     exit: str
     approach: tuple[str, ...]
     leaving: tuple[str, ...]
+    inside: Points | None = None
+    """(point, 2) [m], the way inside the junction where it is drawn."""
 
 
 class Piece(NamedTuple):
@@ -127,7 +129,8 @@ class MapSource:
             lane = self.lanes[name]
             if number:
                 before = self.lanes[names[number - 1]]
-                curve = connect(before.points, lane.points)
+                inside = route.inside if number == len(route.approach) else None
+                curve = connect(before.points, lane.points) if inside is None else _joined(before, inside, lane)
                 way = along(curve)
                 width = np.interp(way, way[[0, -1]], [before.width[-1], lane.width[0]])
                 pieces.append(Piece(None, curve, width, number == len(route.approach)))
@@ -142,6 +145,13 @@ class MapSource:
     def approach_heading(self, route: RouteSource) -> float:
         """The heading in which the route reaches the junction [rad]."""
         return _heading_in(self.lanes[route.approach[-1]])
+
+
+def _joined(before: Lane, inside: Points, lane: Lane) -> Points:
+    """A way inside the junction, its ends moved to the end of the lane before and the begin of the one behind."""
+    share = (along(inside) / along(inside)[-1])[:, None]
+    begin, end = before.points[-1] - inside[0], lane.points[0] - inside[-1]
+    return np.asarray(inside + (1.0 - share) * begin + share * end)
 
 
 def _heading_in(lane: Lane) -> float:
@@ -250,14 +260,18 @@ def _stop_line(key: str, value: Any, lanes: dict[str, Lane]) -> Points:
 
 def _route(key: str, value: Any, arms: dict[str, Arm], lanes: dict[str, Lane]) -> RouteSource:
     entry, dash, leave = key.partition("-")
-    if not dash or entry not in arms or leave not in arms or entry == leave:
-        raise ValueError(f'route "{key}" must be named by two arms, as "SW-NE"; arms: {", ".join(arms)}')
-    _check_object(f'route "{key}"', value, ("approach", "exit"))
+    leave, dot, number = (leave, "", "") if leave in arms else leave.rpartition(".")
+    if not dash or entry not in arms or leave not in arms or entry == leave or (dot and not number.isdecimal()):
+        raise ValueError(
+            f'route "{key}" must be named by two arms, as "SW-NE", or "SW-NE.2" beside it; arms: {", ".join(arms)}'
+        )
+    _check_object(f'route "{key}"', value, ("approach", "inside", "exit"))
     for part in ("approach", "exit"):
         names = value.get(part)
         if not isinstance(names, list) or not names or not all(isinstance(one, str) and one in lanes for one in names):
             raise ValueError(f'route "{key}": "{part}" must be a list of lanes, not {names!r}')
-    return RouteSource(key, entry, leave, tuple(value["approach"]), tuple(value["exit"]))
+    inside = _points(f'route "{key}": "inside"', value["inside"], 2) if "inside" in value else None
+    return RouteSource(key, entry, leave, tuple(value["approach"]), tuple(value["exit"]), inside)
 
 
 def _locations(value: Any) -> tuple[int, ...]:
