@@ -13,7 +13,7 @@ from intersection_env.maps.source import Lane, MapSource
 
 
 def write_source(original: Path, source: MapSource, path: Path, name: str, about: str) -> None:
-    """The file `original` with the lanes of `source`, to the centimetre, at `path`, under a name of its own.
+    """The file `original` with the lanes and ways of `source`, to the centimetre, at `path`, under a name of its own.
 
     Raises:
         OSError: a file cannot be read or written.
@@ -21,6 +21,9 @@ def write_source(original: Path, source: MapSource, path: Path, name: str, about
     content = json.loads(original.read_text(encoding="utf-8"))
     content |= {"name": name, "about": " ".join(filter(None, (content.get("about"), about)))}
     content["lanes"] = {name: _lane(lane) for name, lane in source.lanes.items()}
+    for route in source.routes:
+        if route.inside is not None:
+            content["routes"][route.id]["inside"] = (np.round(route.inside, 2) + 0.0).tolist()
     with written_whole(path) as temporary:
         temporary.write_text(_text(content), encoding="utf-8")
 

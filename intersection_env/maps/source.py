@@ -229,8 +229,8 @@ def _positive(where: str, value: Any) -> float:
 
 def _arm(key: str, value: Any) -> Arm:
     where = f'arm "{key}"'
-    if not _is_word(key) or "-" in key:
-        raise ValueError(f'{where} must be named by one word without "-": routes are named "SW-NE"')
+    if not _is_word(key) or "-" in key or "." in key:
+        raise ValueError(f'{where} must be named by one word without "-" and ".": routes are named "SW-NE", "SW-NE.2"')
     _check_object(where, value, ("right_of_way", "speed_limit_kmh"))
     right = value.get("right_of_way")
     if right not in RIGHTS_OF_WAY:
@@ -260,7 +260,7 @@ def _stop_line(key: str, value: Any, lanes: dict[str, Lane]) -> Points:
 
 def _route(key: str, value: Any, arms: dict[str, Arm], lanes: dict[str, Lane]) -> RouteSource:
     entry, dash, leave = key.partition("-")
-    leave, dot, number = (leave, "", "") if leave in arms else leave.rpartition(".")
+    leave, dot, number = leave.partition(".")
     if not dash or entry not in arms or leave not in arms or entry == leave or (dot and not number.isdecimal()):
         raise ValueError(
             f'route "{key}" must be named by two arms, as "SW-NE", or "SW-NE.2" beside it; arms: {", ".join(arms)}'
