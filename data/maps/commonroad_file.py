@@ -7,7 +7,6 @@ little. Source: CommonRoad, "XML scenario format", version 2020a.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 from xml.etree.ElementTree import Element
@@ -15,7 +14,9 @@ from xml.etree.ElementTree import Element
 import numpy as np
 
 from data.formats.xml_tree import number, read_xml, text_of
+from data.maps.bounds import distinct, follow_each_other
 from data.maps.lanelets import Lanelet, LaneMap
+from data.maps.speed_limit import speed_limit
 from intersection_env.maps.curve import Points
 
 SIGNS = {
@@ -24,7 +25,6 @@ SIGNS = {
 }  # fmt: skip
 """Ids of traffic signs: German (StVO), and of the United States (MUTCD)."""
 SPEED_LIMITS = ("274", "274.1", "R2-1")
-SPEED_UNITS = {"mph": 0.44704, "km/h": 1.0 / 3.6, "kmh": 1.0 / 3.6, "m/s": 1.0}
 CARS = ("car", "vehicle")
 NO_CARS = {
     "busLane": "bus lane", "bicycleLane": "bicycle lane", "sidewalk": "walkway", "crosswalk": "crossing of walkers",
@@ -65,6 +65,11 @@ def read_commonroad(path: Path) -> LaneMap:
         known = tuple(other for other in one.successors if other in found)
         ignored["successor that is not there, or not for cars"] += len(one.successors) - len(known)
         found[id] = replace(one, successors=known)
+    beside = follow_each_other(found)
+    for id, one in found.items():
+        if not one.successors and beside[id].successors:
+            ignored["missing successor, taken from where lanelets end and begin"] += 1
+            found[id] = beside[id]
     return LaneMap(found, left_out=left_out, ignored=+ignored)
 
 
@@ -74,7 +79,7 @@ def _lanelet(where: str, id: str, element: Element, signs: dict[str, Element], k
     refers = [*element.findall("trafficSignRef"), *(line.findall("trafficSignRef") if line is not None else ())]
     own = [ref.get("ref", "") for ref in refers]
     own = [one for one in own if one in signs]
-    limits = [_speed(f"{where}, speed limit", _value(signs[one])) for one in own if kinds[one] in SPEED_LIMITS]
+    limits = [speed_limit(where, _value(signs[one]), "m/s") for one in own if kinds[one] in SPEED_LIMITS]
     stop_line = None
     if line is not None:
         ends = line.findall("point")
@@ -98,20 +103,6 @@ def _points(where: str, element: Element | None) -> Points:
     return distinct(where, points)
 
 
-def distinct(where: str, values: Iterable[Iterable[float]]) -> Points:
-    """The points of a bound, without those that repeat the one before.
-
-    Raises:
-        ValueError: fewer than two are left.
-    """
-    points = np.array([list(one) for one in values], dtype=np.float64).reshape(-1, 2)
-    if len(points):
-        points = points[np.r_[True, np.linalg.norm(np.diff(points, axis=0), axis=1) > 1e-3]]
-    if len(points) < 2:
-        raise ValueError(f"{where}: {len(points)} points apart from each other; wanted two or more")
-    return points
-
-
 def _no_cars(element: Element) -> str | None:
     """Why no car drives on a lanelet, or None."""
     for kind in element.findall("laneletType"):
@@ -121,14 +112,6 @@ def _no_cars(element: Element) -> str | None:
     if not users or users & set(CARS):
         return None
     return f"lane of {', '.join(sorted(users))}"
-
-
-def _speed(where: str, text: str | None) -> float:
-    """A speed limit [m/s]: a number of m/s, or one with its unit, as "40mph"."""
-    for unit, metres in SPEED_UNITS.items():
-        if text is not None and text.replace(" ", "").endswith(unit):
-            return metres * number(where, text.replace(" ", "").removesuffix(unit))
-    return number(where, text)
 
 
 def _kind(sign: Element) -> str:

@@ -10,9 +10,10 @@ import numpy as np
 
 from data.maps.junction import Circle
 from data.maps.lanelets import LaneMap
-from intersection_env.maps.curve import wrap
+from intersection_env.maps.curve import along, wrap
 
 REACH = 200.0  # [m], ours: lanes that begin or end further from the junction's centre are not needed
+LATE = 12.0  # [m], ours: a lane of its own that is shorter has no room for who waits there
 MOST_INSIDE = 60  # ours: lanelets of one way through a junction; a ring has some twenty
 
 
@@ -54,7 +55,21 @@ def find_paths(lane_map: LaneMap, circle: Circle, inside: set[str], left_out: Co
         1,
     )
     exits = _without_merges(exits, left_out)
-    return [replace(path, approach=approaches[path.approach[0]], leaving=exits[path.leaving[0]]) for path in paths]
+    whole = [replace(path, approach=approaches[path.approach[0]], leaving=exits[path.leaving[0]]) for path in paths]
+    return _parted_inside(lane_map, whole)
+
+
+def _parted_inside(lane_map: LaneMap, ways: Sequence[Way]) -> list[Way]:
+    """The ways, where a lane that parts from another only just before the junction parts inside it instead."""
+    found = []
+    for way in ways:
+        others = {id for other in ways if other.approach != way.approach for id in other.approach}
+        own = [id for id in way.approach if id not in others]
+        length = sum(float(along(lane_map.lanelets[id].centre()[0])[-1]) for id in own)
+        if own and len(own) < len(way.approach) and length < LATE and way.approach[-len(own) :] == tuple(own):
+            way = Way(way.approach[: -len(own)], (*own, *way.inside), way.leaving)
+        found.append(way)
+    return found
 
 
 def _ways(

@@ -14,15 +14,14 @@ from data.maps.junction import Circle, chosen, cut_at_junction, junctions, meeti
 from data.maps.lanelets import LaneMap
 from data.maps.paths import Way, find_paths
 from data.maps.right_of_way import rights_of_arms, yields_by_rule
+from data.maps.room import length_of, with_room
+from data.maps.stop_lines import with_stop_lines
 from data.maps.smooth import polyline, telling
 from intersection_env.maps.compiler import Encounter, encounters
 from intersection_env.maps.source import FORMAT, VERSION, Arm, Lane, MapSource, RouteSource
 
 LIMIT = 50.0  # [km/h], ours: guessed where the map says none
-ROOM = 0.3  # [m], ours: a lane that is cut back ends so far before its first conflict
-LEAST_LANE = 5.0  # [m], ours: what is left of a lane that is cut back
 SHORT = 20.0  # [m], ours: an approach shorter than this leaves no room for who waits there
-ROUNDS = 4
 
 
 @dataclass
@@ -92,12 +91,13 @@ def source_of(lane_map: LaneMap, name: str, around: Circle | None, locations: Se
     used = {route.entry for route in routes} | {route.exit for route in routes}
     by_name = {arm.name: Arm(rights[arm.name], limits[arm.name]) for arm in arms if arm.name in used}
     source = MapSource(name, tuple(locations), by_name, lanes, {}, tuple(routes), frozenset())
-    source = _with_room(source, guessed)
+    source = with_room(source, guessed)
+    source = with_stop_lines(source, lane_map, named, guessed)
     source = _decided(source, lane_map, named, guessed)
     guessed += [
-        f'lane "{one}": only {_length(source.lanes[one]):.0f} m before the junction: too short for who queues there'
+        f'lane "{one}": only {length_of(source.lanes[one]):.0f} m before the junction: too short for who queues there'
         for one in dict.fromkeys(route.approach[0] for route in source.routes)
-        if len(_chain(source, one)) == 1 and _length(source.lanes[one]) < SHORT
+        if len(_chain(source, one)) == 1 and length_of(source.lanes[one]) < SHORT
     ]
     return Imported(source, circle, guessed, counts)
 
@@ -171,55 +171,6 @@ def _parts(chain: tuple[str, ...], chains: set[tuple[str, ...]]) -> tuple[tuple[
     return tuple(map(tuple, parts))
 
 
-def _with_room(source: MapSource, guessed: list[str]) -> MapSource:
-    """The source with approaches cut back where a conflict begins before their end."""
-    first = source
-    for _ in range(ROUNDS):
-        back: dict[str, float] = {}
-        for one in encounters(source):
-            for route, early in zip((one.first, one.second), one.early, strict=True):
-                if early > ROOM - 0.5:
-                    back[route.approach[-1]] = max(back.get(route.approach[-1], 0.0), early + ROOM)
-        if not back:
-            break
-        source = _cut_back(source, back)
-    for name, lane in source.lanes.items():
-        by = _length(first.lanes[name]) - _length(lane)
-        if by > 0.1:
-            guessed.append(f'lane "{name}": ends {by:.1f} m earlier than drawn, where its first conflict begins')
-    return source
-
-
-def _cut_back(source: MapSource, back: Mapping[str, float]) -> MapSource:
-    """The lanes end so much earlier [m]; what is cut off goes to the ways inside."""
-    lanes = dict(source.lanes)
-    tails = {}
-    for name, by in back.items():
-        lanes[name], tails[name] = _shortened(name, lanes[name], by)
-    routes = [
-        replace(route, inside=np.concatenate([tails[route.approach[-1]].points[:-1], route.inside]))
-        if route.approach[-1] in tails and route.inside is not None
-        else route
-        for route in source.routes
-    ]
-    return replace(source, lanes=lanes, routes=tuple(routes))
-
-
-def _shortened(name: str, lane: Lane, by: float) -> tuple[Lane, Lane]:
-    way = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(lane.points, axis=0), axis=1))])
-    at = way[-1] - by
-    if at < LEAST_LANE:
-        raise ValueError(
-            f'lane "{name}" meets another {by:.1f} m before its end and is {way[-1]:.1f} m long; wanted room to wait:'
-            " choose a smaller circle, or leave the lane out"
-        )
-    columns = np.column_stack([lane.points, lane.width])
-    place = np.array([[np.interp(at, way, column) for column in columns.T]])
-    one = np.concatenate([columns[way < at - 0.01], place])
-    other = np.concatenate([place, columns[way > at + 0.01]])
-    return Lane(one[:, :2], one[:, 2]), Lane(other[:, :2], other[:, 2])
-
-
 def _decided(source: MapSource, lane_map: LaneMap, ways: Mapping[str, Way], guessed: list[str]) -> MapSource:
     """The source with `yields` for pairs of which the map's rules say otherwise than the arms, or nobody says."""
     pairs: set[tuple[str, str]] = set()
@@ -241,10 +192,6 @@ def _who_waits(source: MapSource, pair: Encounter) -> tuple[str, str]:
     if source.turn(pair.first) != "straight" and source.turn(pair.second) == "straight":
         return first, second
     return second, first
-
-
-def _length(lane: Lane) -> float:
-    return float(np.linalg.norm(np.diff(lane.points, axis=0), axis=1).sum())
 
 
 def _chain(source: MapSource, first: str) -> tuple[str, ...]:
