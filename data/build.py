@@ -111,8 +111,10 @@ def maps_of(folder: Path, maps: Sequence[str | Path] = ()) -> tuple[Intersection
     for one in found if maps or not there else ():
         if one not in there:
             if places == {None}:
-                raise ValueError(f"{folder}: these recordings name no location; give the map of their place (--map PATH)")
-            wanted, are = (", ".join(map(str, sorted(each - {None}))) for each in (set(one.locations), places))
+                raise ValueError(
+                    f"{folder}: these recordings name no location; give the map of their place (--map PATH)"
+                )
+            wanted, are = (", ".join(sorted(map(str, each - {None}))) for each in (set(one.locations), places))
             raise ValueError(
                 f'map "{one.name}": no recording in {folder} lies on it: it is made for location {wanted or "none"},'
                 f" the recordings are of location {are}; {give_map_of(are)}"

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from data.align.align import Alignment
-from data.align.shift import inside_of
 from data.align.drives import Drive
+from data.align.shift import inside_of
 from intersection_env.maps.intersection import Intersection
 
 HEADER = f"{'route':<10}{'cars':>6}{'left':>8}{'aside':>8}{'95 %':>8}   {'cars':>6}{'left':>8}{'aside':>8}{'95 %':>8}"

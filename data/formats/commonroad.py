@@ -84,7 +84,7 @@ def read_commonroad(paths: list[Path]) -> Recording:
         left_out.update(one.left_out)
         for id, obstacle in one.obstacles.items():
             who.setdefault(id, obstacle)
-            states.setdefault(id, []).append(obstacle.states + [first, 0.0, 0.0, 0.0, 0.0, 0.0])
+            states.setdefault(id, []).append(obstacle.states + np.array([first, 0.0, 0.0, 0.0, 0.0, 0.0]))
         first += one.last + 1
     tracks = [(id, part) for id, parts in states.items() for part in _unbroken(np.concatenate(parts))]
     tracks.sort(key=lambda track: track[1][0, 0])
@@ -167,7 +167,9 @@ def _obstacle(path: Path, element: Element, left_out: Counter[str]) -> Obstacle 
     step = np.diff(states[:, 0])
     if (step != 1.0).any():
         at = int(np.argmax(step != 1.0))
-        raise ValueError(f"{where}: time step {states[at + 1, 0]:g} follows {states[at, 0]:g}; wanted each once, in order")
+        raise ValueError(
+            f"{where}: time step {states[at + 1, 0]:g} follows {states[at, 0]:g}; wanted each once, in order"
+        )
     if (np.abs(states[:, 4]) > _core.MOST_SPEED).any():
         raise ValueError(f"{where}: a speed of {np.abs(states[:, 4]).max():g} m/s; wanted at most {_core.MOST_SPEED:g}")
     return Obstacle(id, user, shape, states)
@@ -181,7 +183,7 @@ def _state(where: str, element: Element, shape: Shape) -> list[float]:
     if point is None:
         raise ValueError(f"{where}: no position/point; wanted an exact position")
     x, y = (number(f"{where}, position", text_of(point, axis)) for axis in ("x", "y"))
-    speed = 0.0 if element.find("velocity") is None and time == 0.0 else _value(where, element, "velocity")
+    speed = _value(where, element, "velocity")
     acceleration = 0.0 if element.find("acceleration") is None else _value(where, element, "acceleration")
     ahead, left = shape.centre
     return [

@@ -33,10 +33,9 @@ def shape_of(where: str, element: Element | None) -> Shape:
         if len(points) < 3:
             raise ValueError(f"{where}: a polygon of {len(points)} points; wanted three or more")
         least, most = np.min(points, axis=0), np.max(points, axis=0)
-        return Shape(*(most - least).tolist(), tuple((0.5 * (least + most)).tolist()))
-    centre = tuple(
-        number(f"{where}, shape", text_of(shape, f"center/{axis}") or "0") for axis in ("x", "y")
-    )
+        (length, width), (ahead, left) = (most - least).tolist(), (0.5 * (least + most)).tolist()
+        return Shape(length, width, (ahead, left))
+    centre = tuple(number(f"{where}, shape", text_of(shape, f"center/{axis}") or "0") for axis in ("x", "y"))
     if shape.tag == "circle":
         size = 2.0 * number(f"{where}, radius", text_of(shape, "radius"))
         return Shape(size, size, (centre[0], centre[1]))

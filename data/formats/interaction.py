@@ -7,6 +7,7 @@ compressed as `.csv.xz`. Source: INTERACTION dataset, "Details and Format".
 from __future__ import annotations
 
 import re
+from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -110,7 +111,7 @@ def _part(path: Path, columns: dict[str, type]) -> _Part:
     rate = _rate(path, frame, rows["timestamp_ms"].to_numpy())
     rows = rows.assign(**{name: 0.0 for name in BODY if name not in rows})
     users = []
-    for begin, end in zip(offsets[:-1], offsets[1:], strict=True):
+    for begin, end in pairwise(offsets):
         where = f"{path}, line {begin + 2}"
         user = _class(where, rows["agent_type"].iloc[begin], velocity[begin:end])
         sizes = rows[["length", "width"]].to_numpy()[begin:end]

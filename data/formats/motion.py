@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 
 from data.recording import Floats, Integers
@@ -13,7 +15,7 @@ def accelerations(velocity: Floats, offsets: Integers, frame_rate: float) -> Flo
     velocity: (row, 2) [m/s]; the rows of track k are offsets[k] to offsets[k + 1]; frame_rate: [1/s].
     """
     found = np.zeros_like(velocity)
-    for begin, end in zip(offsets[:-1], offsets[1:], strict=True):
+    for begin, end in pairwise(offsets):
         if end - begin > 1:
             found[begin:end] = np.gradient(velocity[begin:end], 1.0 / frame_rate, axis=0)
     return found

@@ -30,7 +30,7 @@ def check_time_step(path: Path, stated: str, recording: Recording) -> None:
     ratio = float(way.sum() * recording.frame_rate / speed[moving].sum())
     if abs(ratio - 1.0) > SPEED_TOLERANCE:
         raise ValueError(
-            f"{path}: at {stated} the tracks cover {ratio:.2f} times the way that their velocities say, which are those"
-            f" of a time step of {ratio / recording.frame_rate:.4g} s, not {1.0 / recording.frame_rate:.4g} s; wanted the"
-            " rate at which they were recorded, and velocities in m/s"
+            f"{path}: at {stated} the tracks cover {ratio:.2f} times the way that their velocities say, which are"
+            f" those of a time step of {ratio / recording.frame_rate:.4g} s, not {1.0 / recording.frame_rate:.4g} s;"
+            " wanted the rate at which they were recorded, and velocities in m/s"
         )

@@ -33,11 +33,17 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("file", type=Path, help="a Lanelet2 map (.osm), or a CommonRoad map or scenario (.xml)")
     parser.add_argument("--out", type=Path, required=True, help="the map source to write (.json)")
     parser.add_argument("--name", help="of the new map, one word; by default the name of --out")
-    parser.add_argument("--around", metavar="X,Y,RADIUS", help="the junction, in local metres; needed where there are several")
-    parser.add_argument("--origin", metavar="EAST,NORTH", help="UTM metres of the local 0,0 (Lanelet2; inD: x/yUtmOrigin)")
+    parser.add_argument(
+        "--around", metavar="X,Y,RADIUS", help="the junction, in local metres; needed where there are several"
+    )
+    parser.add_argument(
+        "--origin", metavar="EAST,NORTH", help="UTM metres of the local 0,0 (Lanelet2; inD: x/yUtmOrigin)"
+    )
     parser.add_argument("--shift", metavar="EAST,NORTH", help="moves the map by so much [m]")
     parser.add_argument("--recordings", type=Path, help="moves the map to where the cars of this folder drive")
-    parser.add_argument("--locations", nargs="+", type=int, default=[], help="inD's ids of the place, for its recordings")
+    parser.add_argument(
+        "--locations", nargs="+", type=int, default=[], help="inD's ids of the place, for its recordings"
+    )
     options = parser.parse_args(arguments)
     try:
         if options.out.suffix != ".json":
@@ -45,7 +51,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         around = None if options.around is None else _circle(options.around)
         lane_map = _read(options.file, options.origin)
         if options.shift is not None:
-            lane_map = lane_map.shifted(*_numbers("--shift", options.shift, 2))
+            lane_map = lane_map.shifted(*_pair("--shift", options.shift))
         if options.recordings is not None:
             lane_map = _placed(lane_map, options.recordings)
         _check_metres(options.file, lane_map)
@@ -82,7 +88,7 @@ def report(imported: Imported, lane_map: LaneMap) -> str:
 
 def _read(path: Path, origin: str | None) -> LaneMap:
     if path.suffix == ".osm":
-        return read_lanelet2(path, None if origin is None else _numbers("--origin", origin, 2))
+        return read_lanelet2(path, None if origin is None else _pair("--origin", origin))
     if path.suffix != ".xml":
         raise ValueError(f"{path}: wanted a Lanelet2 map (.osm) or a CommonRoad file (.xml)")
     if origin is not None:
@@ -96,7 +102,10 @@ def _placed(lane_map: LaneMap, folder: Path) -> LaneMap:
     if on_lanes(lane_map, recordings) >= ENOUGH:
         return lane_map
     east, north, share = shift_to(lane_map, recordings)
-    print(f"moved by {east:g}, {north:g} m (--shift): then {100 * share:.0f} % of the cars drive on lanes of their heading")
+    print(
+        f"moved by {east:.2f}, {north:.2f} m (--shift): then {100 * share:.0f} % of the cars drive on lanes of their"
+        " heading"
+    )
     return lane_map.shifted(east, north)
 
 
@@ -108,16 +117,22 @@ def _check_metres(path: Path, lane_map: LaneMap) -> None:
         raise ValueError(f"{path}: the map is {size:g} m across; is it in degrees? Wanted metres")
     if np.abs(centre).max() > LARGEST:
         raise ValueError(
-            f"{path}: the map lies around [{centre[0]:.0f}, {centre[1]:.0f}], {np.linalg.norm(centre) / 1e3:.1f} km from"
-            f" 0; wanted local metres, at most {LARGEST:g} (--origin or --shift, as of the recordings)"
+            f"{path}: the map lies around [{centre[0]:.0f}, {centre[1]:.0f}], {np.linalg.norm(centre) / 1e3:.1f} km"
+            f" from 0; wanted local metres, at most {LARGEST:g} (--origin or --shift, as of the recordings)"
         )
 
 
 def _circle(text: str) -> Circle:
-    circle = Circle(*_numbers("--around", text, 3))
+    x, y, radius = _numbers("--around", text, 3)
+    circle = Circle(x, y, radius)
     if not 0.0 < circle.radius <= MOST_RADIUS:
         raise ValueError(f"--around: a radius of {circle.radius:g} m; wanted more than 0 and at most {MOST_RADIUS:g}")
     return circle
+
+
+def _pair(option: str, text: str) -> tuple[float, float]:
+    east, north = _numbers(option, text, 2)
+    return east, north
 
 
 def _numbers(option: str, text: str, count: int) -> tuple[float, ...]:

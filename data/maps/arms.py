@@ -65,12 +65,12 @@ def find_arms(lane_map: LaneMap, circle: Circle, ways: Sequence[Way]) -> list[Ar
         same = sum(arm.name.rstrip("0123456789") == plain for arm in arms)
         name = plain if not same else f"{plain}{same + 1}"
         outward = sum(lane.outward for lane in group)
-        sides = []
+        sides: list[tuple[str, ...]] = []
         for is_exit in (False, True):
             own = [lane for lane in group if lane.is_exit == is_exit]
             left = outward * 1j if is_exit else -outward * 1j
             sides.append(tuple(lane.id for lane in sorted(own, key=lambda lane: (lane.mouth * left.conjugate()).real)))
-        arms.append(ArmLanes(name, *sides, bearing))
+        arms.append(ArmLanes(name, sides[0], sides[1], bearing))
     return arms
 
 

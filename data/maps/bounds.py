@@ -9,8 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from data.maps.lanelets import Lanelet
-from intersection_env.maps.curve import Points
+from intersection_env.maps.curve import Points, wrap
 
+LOOSE = 4.0  # [m], ours: where one bound touches only, centrelines are at most a lane apart
+STRAIGHT_ON = np.radians(45.0)  # ours: and their headings differ by less
+HEADING_OVER = 6  # ours: of a centreline's points, half a metre apart, its heading is taken over so many
 TOUCH = 0.3  # [m], ours: bounds that end nearer to where others begin lead into them
 
 
@@ -79,6 +82,55 @@ def follow_each_other(lanelets: dict[str, Lanelet]) -> dict[str, Lanelet]:
         after = tuple(other for other, far in zip(ids, away, strict=True) if far < TOUCH and not _back(id, other))
         found[id] = replace(one, successors=after)
     return found
+
+
+def with_loose_joints(lanelets: dict[str, Lanelet]) -> tuple[dict[str, Lanelet], frozenset[tuple[str, str]]]:
+    """The lanelets, where one that leads nowhere, or is led to by none, has a neighbour at one bound; and the joints.
+
+    Maps are drawn such that only the left or the right bounds touch. Then the nearest lanelet of about the same
+    heading is the next one.
+    """
+    led_to = {other for one in lanelets.values() for other in one.successors}
+    ends = {id: _ends(one) for id, one in lanelets.items()}
+    joints: set[tuple[str, str]] = set()
+    for id, one in lanelets.items():
+        if not one.successors:
+            joints |= _nearest(id, [(id, other) for other in lanelets], lanelets, ends)
+        if id not in led_to:
+            joints |= _nearest(id, [(other, id) for other in lanelets], lanelets, ends)
+    found = dict(lanelets)
+    for before, after in sorted(joints):
+        found[before] = replace(found[before], successors=(*found[before].successors, after))
+    return found, frozenset(joints)
+
+
+def _ends(one: Lanelet) -> tuple[Points, float, float]:
+    """Begin and end of the centreline (2, 2) [m], and the headings there [rad]."""
+    points = one.centre()[0]
+    near = min(HEADING_OVER, len(points) - 1)
+    ways = points[near] - points[0], points[-1] - points[-1 - near]
+    first, last = (float(np.arctan2(north, east)) for east, north in ways)
+    return points[[0, -1]], first, last
+
+
+def _nearest(
+    id: str,
+    pairs: Iterable[tuple[str, str]],
+    lanelets: dict[str, Lanelet],
+    ends: dict[str, tuple[Points, float, float]],
+) -> set[tuple[str, str]]:
+    """Of pairs (before, after) the one that fits best with one bound touching; empty where none does."""
+    scored = []
+    for before, after in pairs:
+        if before == after or _back(before, after):
+            continue
+        one, other = lanelets[before], lanelets[after]
+        sides = (one.left[-1] - other.left[0], one.right[-1] - other.right[0])
+        away = float(np.linalg.norm(ends[before][0][1] - ends[after][0][0]))
+        turn = abs(wrap(ends[after][1] - ends[before][2]))
+        if min(np.linalg.norm(side) for side in sides) < TOUCH and away < LOOSE and turn < STRAIGHT_ON:
+            scored.append((away, before, after))
+    return {min(scored)[1:]} if scored else set()
 
 
 def _back(one: str, other: str) -> bool:

@@ -14,7 +14,7 @@ from xml.etree.ElementTree import Element
 import numpy as np
 
 from data.formats.xml_tree import number, read_xml, text_of
-from data.maps.bounds import distinct, follow_each_other
+from data.maps.bounds import distinct, follow_each_other, with_loose_joints
 from data.maps.lanelets import Lanelet, LaneMap
 from data.maps.speed_limit import speed_limit
 from intersection_env.maps.curve import Points
@@ -70,7 +70,8 @@ def read_commonroad(path: Path) -> LaneMap:
         if not one.successors and beside[id].successors:
             ignored["missing successor, taken from where lanelets end and begin"] += 1
             found[id] = beside[id]
-    return LaneMap(found, left_out=left_out, ignored=+ignored)
+    found, loose = with_loose_joints(found)
+    return LaneMap(found, left_out=left_out, ignored=+ignored, loose=loose)
 
 
 def _lanelet(where: str, id: str, element: Element, signs: dict[str, Element], kinds: dict[str, str]) -> Lanelet:

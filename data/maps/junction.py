@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 
 from data.maps.lanelets import Lanelet, LaneMap, RightOfWay
 from intersection_env.maps.meeting import SWEPT_WIDTH
@@ -42,7 +41,7 @@ class Meeting:
 
     one: str
     other: str
-    area: shapely.Geometry
+    area: shapely.geometry.base.BaseGeometry
 
 
 def meetings(lane_map: LaneMap) -> list[Meeting]:
@@ -65,13 +64,13 @@ def meetings(lane_map: LaneMap) -> list[Meeting]:
     return found
 
 
-def band(lanelet: Lanelet) -> shapely.Geometry:
+def band(lanelet: Lanelet) -> shapely.geometry.base.BaseGeometry:
     """What a car sweeps along a lanelet's centreline."""
     return shapely.buffer(shapely.LineString(lanelet.centre()[0]), SWEPT_WIDTH / 2.0, cap_style="flat")
 
 
 def junctions(found: Iterable[Meeting]) -> list[Circle]:
-    """The junctions of a map, each a circle around crossings that are near each other, those of most crossings first."""
+    """The junctions of a map, each a circle around crossings near each other; those of most crossings come first."""
     places = np.array([shapely.get_coordinates(one.area.centroid)[0] for one in found])
     if not len(places):
         return []
@@ -79,8 +78,8 @@ def junctions(found: Iterable[Meeting]) -> list[Circle]:
     circles = []
     for cluster in clusters:
         own = places[shapely.contains(cluster, shapely.points(places))]
-        hull = shapely.minimum_bounding_circle(shapely.multipoints(own))
-        centre = shapely.get_coordinates(hull.centroid)[0]
+        hull = shapely.minimum_bounding_circle(shapely.MultiPoint(own))
+        centre = shapely.get_coordinates(shapely.centroid(hull))[0]
         radius = float(np.linalg.norm(own - centre, axis=1).max()) + MARGIN
         circles.append((len(own), Circle(float(centre[0]), float(centre[1]), radius)))
     return [circle for _, circle in sorted(circles, key=lambda one: -one[0])]
@@ -134,12 +133,12 @@ def _spans(lane_map: LaneMap, disc: shapely.Polygon) -> dict[str, tuple[float, f
     """By lanelet that meets others in the circle: arc lengths of the first and last such place, and its length [m]."""
     spans: dict[str, tuple[float, float, float]] = {}
     for one in meetings(lane_map):
-        corners = shapely.points(shapely.get_coordinates(one.area.intersection(disc)))
-        if not len(corners):
+        places = shapely.get_coordinates(one.area.intersection(disc))
+        if not len(places):
             continue
         for id in (one.one, one.other):
             line = shapely.LineString(lane_map.lanelets[id].centre()[0])
-            at: NDArray[np.float64] = shapely.line_locate_point(line, corners)
+            at = np.asarray(shapely.line_locate_point(line, shapely.points(places)))
             before = spans.get(id, (np.inf, -np.inf, line.length))
             spans[id] = min(before[0], float(at.min())), max(before[1], float(at.max())), line.length
     return spans

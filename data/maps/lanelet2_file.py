@@ -18,14 +18,21 @@ from xml.etree.ElementTree import Element
 import numpy as np
 
 from data.formats.xml_tree import number, read_xml
-from data.maps.bounds import distinct, facing, follow_each_other, joined
+from data.maps.bounds import distinct, facing, follow_each_other, joined, with_loose_joints
 from data.maps.lanelets import Lanelet, LaneMap, RightOfWay
 from data.maps.speed_limit import speed_limit
 from data.maps.utm import utm, zone_of
 from intersection_env.maps.curve import Points
 
 CARS = ("road", "highway", "play_street", "emergency_lane")
-SIGNS = {"de205": "yield", "de206": "stop", "de301": "priority", "de306": "priority", "usR1-1": "stop", "usR1-2": "yield"}
+SIGNS = {
+    "de205": "yield",
+    "de206": "stop",
+    "de301": "priority",
+    "de306": "priority",
+    "usR1-1": "stop",
+    "usR1-2": "yield",
+}
 NEAR_ZERO = 0.1  # [degrees], ours: INTERACTION projects its metres to places around 0, 0
 ROUND_ORIGIN = 100.0  # [m], ours: an origin that nobody stated is rounded to this
 LINE_OF_LANE = 4.0  # [m], ours: a stop line belongs to the lanelet that ends within this
@@ -80,9 +87,9 @@ def read_lanelet2(path: Path, origin: tuple[float, float] | None = None) -> Lane
             ignored[kind] += 1
     if not found:
         raise ValueError(f"{path}: no lanelet on which cars drive")
-    found = follow_each_other(found)
+    found, loose = with_loose_joints(follow_each_other(found))
     rights = _rights(file, elements, found, ignored)
-    return LaneMap(found, rights, left_out, +ignored, words)
+    return LaneMap(found, rights, left_out, +ignored, loose, words)
 
 
 def tags(element: Element) -> dict[str, str]:
@@ -139,7 +146,11 @@ def _lanelets(file: _File, id: str, relation: Element, elements: Mapping[str, El
         bounds[side] = joined(place, [file.line(place, way) for way in ways])
     left, right = facing(bounds["left"], bounds["right"])
     tag = tags(relation)
-    own = [tags(elements[ref]) | _refers(file, elements[ref]) for ref in _refs(relation, "regulatory_element") if ref in elements]
+    own = [
+        tags(elements[ref]) | _refers(file, elements[ref])
+        for ref in _refs(relation, "regulatory_element")
+        if ref in elements
+    ]
     limit = tag.get("speed_limit") or next((one["limit"] for one in own if "limit" in one), None)
     signs = {SIGNS[one["sign"]] for one in own if one.get("subtype") == "traffic_sign" and one.get("sign") in SIGNS}
     one = Lanelet(
@@ -160,7 +171,7 @@ def _refs(relation: Element, *roles: str) -> list[str]:
 
 def _refers(file: _File, element: Element) -> dict[str, str]:
     """What the signs of a regulatory element say: "sign", its kind, and "limit", its speed."""
-    found = {}
+    found: dict[str, str] = {}
     names = [tags(element).get("sign_type", "")]
     names += [tags(file.ways[ref]).get("subtype", "") for ref in _refs(element, "refers") if ref in file.ways]
     for name in filter(None, names):

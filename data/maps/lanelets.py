@@ -64,6 +64,7 @@ class LaneMap:
     """The lanelets of a map on which cars drive, by id, and what else it says.
 
     left_out: lanelets on which no car drives, by reason. ignored: what the reader does not know, by name.
+    loose: pairs of lanelets of which the second follows the first though only one of their bounds does.
     origin: what was subtracted from UTM coordinates [m], in words.
     """
 
@@ -71,6 +72,7 @@ class LaneMap:
     rights: list[RightOfWay] = field(default_factory=list)
     left_out: Counter[str] = field(default_factory=Counter)
     ignored: Counter[str] = field(default_factory=Counter)
+    loose: frozenset[tuple[str, str]] = frozenset()
     origin: str = "the file's own metres"
 
     def shifted(self, east: float, north: float) -> LaneMap:

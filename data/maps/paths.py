@@ -37,8 +37,11 @@ def find_paths(lane_map: LaneMap, circle: Circle, inside: set[str], left_out: Co
     before = lane_map.predecessors()
     length = {id: float(len(one.centre()[0])) for id, one in lane_map.lanelets.items()}
     starts = [id for id in lane_map.lanelets if id not in inside and set(lane_map.lanelets[id].successors) & inside]
-    left_out["lane that begins inside the junction"] += sum(not before[id] for id in inside)
-    left_out["lane that ends inside the junction"] += sum(not lane_map.lanelets[id].successors for id in inside)
+    for id in sorted(inside):
+        if not before[id]:
+            left_out[f"lanelet {id} begins inside the junction"] += 1
+        if not lane_map.lanelets[id].successors:
+            left_out[f"lanelet {id} ends inside the junction"] += 1
     paths: list[Way] = []
     for start in starts:
         for end, way in _ways(lane_map, start, inside, length, left_out).items():
@@ -77,6 +80,7 @@ def _ways(
 ) -> dict[str, tuple[str, ...]]:
     """By lanelet behind the junction, the shortest way there from `start`."""
     best: dict[str, tuple[float, tuple[str, ...]]] = {}
+    open_: list[tuple[float, str, tuple[str, ...]]]
     open_ = [(0.0, one, ()) for one in lane_map.lanelets[start].successors if one in inside]
     while open_:
         far, one, way = open_.pop()

@@ -42,21 +42,21 @@ def shift_to(lane_map: LaneMap, recordings: Sequence[Recording]) -> tuple[float,
     best = (-1.0, 0.0, 0.0)
     for east in np.arange(origin[0] - least[0] - 5.0, origin[0] + size[0] - most[0] + 5.0, CELL):
         for north in np.arange(origin[1] - least[1] - 5.0, origin[1] + size[1] - most[1] + 5.0, CELL):
-            cell = np.floor((places + [east, north] - origin) / CELL).astype(np.int64)
+            cell = np.floor((places + np.array([east, north]) - origin) / CELL).astype(np.int64)
             inside = ((cell >= 0) & (cell < raster.shape[1:])).all(axis=1)
             hit = raster[turn[inside], cell[inside, 0], cell[inside, 1]].sum() / len(places)
             best = max(best, (float(hit), float(east), float(north)))
     tried = [
-        (float(_aside(lane_map, places + [east, north], turn)), east, north)
+        (float(_aside(lane_map, places + np.array([east, north]), turn)), east, north)
         for east in best[1] + np.arange(-1.5, 1.6, 0.5)
         for north in best[2] + np.arange(-1.5, 1.6, 0.5)
     ]
     _, east, north = min(tried)
-    share = float(_near(lane_map, places + [east, north], turn).mean())
+    share = float(_near(lane_map, places + np.array([east, north]), turn).mean())
     if share < LEAST:
         raise ValueError(
-            f"the recordings' cars drive on the map's lanes nowhere: at best {100 * share:.0f} % of them are on a lane of"
-            f" their heading, {100 * LEAST:.0f} % wanted; is it another place, or turned?"
+            f"the recordings' cars drive on the map's lanes nowhere: at best {100 * share:.0f} % of them are on a lane"
+            f" of their heading, {100 * LEAST:.0f} % wanted; is it another place, or turned?"
         )
     return -float(east), -float(north), share
 

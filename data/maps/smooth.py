@@ -33,7 +33,8 @@ def telling(points: Points, width: NDArray[np.float64]) -> tuple[Points, NDArray
     """The points without which the line would be another, and the width there."""
     line = shapely.simplify(shapely.LineString(points), EXACT)
     kept = shapely.get_coordinates(line)
-    return kept, np.interp(shapely.line_locate_point(shapely.LineString(points), shapely.points(kept)), along(points), width)
+    place = shapely.line_locate_point(shapely.LineString(points), shapely.points(kept))
+    return kept, np.asarray(np.interp(place, along(points), width))
 
 
 def _smoothed(points: Points) -> Points:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -15,8 +16,8 @@ from data.maps.lanelets import LaneMap
 from data.maps.paths import Way, find_paths
 from data.maps.right_of_way import rights_of_arms, yields_by_rule
 from data.maps.room import length_of, with_room
-from data.maps.stop_lines import with_stop_lines
 from data.maps.smooth import polyline, telling
+from data.maps.stop_lines import with_stop_lines
 from intersection_env.maps.compiler import Encounter, encounters
 from intersection_env.maps.source import FORMAT, VERSION, Arm, Lane, MapSource, RouteSource
 
@@ -39,7 +40,7 @@ class Imported:
     def content(self, about: str) -> dict[str, Any]:
         """The source as its file holds it."""
         source = self.source
-        routes = {}
+        routes: dict[str, dict[str, Any]] = {}
         for one in source.routes:
             routes[one.id] = {"approach": list(one.approach), "exit": list(one.leaving)}
             if one.inside is not None:
@@ -66,7 +67,8 @@ class Imported:
 
 def rounded(points: Any) -> list[list[float]]:
     """Points to the centimetre."""
-    return (np.round(points, 2) + 0.0).tolist()
+    rows: list[list[float]] = (np.round(points, 2) + 0.0).tolist()
+    return rows
 
 
 def source_of(lane_map: LaneMap, name: str, around: Circle | None, locations: Sequence[int] = ()) -> Imported:
@@ -84,7 +86,7 @@ def source_of(lane_map: LaneMap, name: str, around: Circle | None, locations: Se
     arms = find_arms(lane_map, circle, ways)
     named = _named(arms, ways, dropped)
     counts.update({f"way: {why}": count for why, count in dropped.items() if count})
-    guessed: list[str] = []
+    guessed = _loose_joints(lane_map, named)
     rights = rights_of_arms(lane_map, arms, named, guessed)
     limits = {arm.name: _limit(lane_map, arm, named, guessed) for arm in arms}
     lanes, routes = _lanes(lane_map, arms, named)
@@ -100,6 +102,20 @@ def source_of(lane_map: LaneMap, name: str, around: Circle | None, locations: Se
         if len(_chain(source, one)) == 1 and length_of(source.lanes[one]) < SHORT
     ]
     return Imported(source, circle, guessed, counts)
+
+
+def _loose_joints(lane_map: LaneMap, ways: Mapping[str, Way]) -> list[str]:
+    """Where ways lead over joints that the map does not draw."""
+    found: dict[tuple[str, str], list[str]] = {}
+    for id, way in ways.items():
+        chain = [one.rstrip("+") for one in (*way.approach, *way.inside, *way.leaving)]
+        for pair in pairwise(chain):
+            if pair in lane_map.loose:
+                found.setdefault(pair, []).append(id)
+    return [
+        f"lanelet {one} leads into {other}, though only one of their bounds does (routes {', '.join(ids)})"
+        for (one, other), ids in found.items()
+    ]
 
 
 def _named(arms: Sequence[ArmLanes], ways: Sequence[Way], dropped: Counter[str]) -> dict[str, Way]:

@@ -18,9 +18,7 @@ LONGER = 0.7  # [m], ours: a line is painted short of its lane's edges
 AT_END = 1.0  # [m], ours: a line so near to the end of its lane says nothing new
 
 
-def with_stop_lines(
-    source: MapSource, lane_map: LaneMap, ways: Mapping[str, Way], guessed: list[str]
-) -> MapSource:
+def with_stop_lines(source: MapSource, lane_map: LaneMap, ways: Mapping[str, Way], guessed: list[str]) -> MapSource:
     """The source with the painted lines that every route of their lane crosses before its first conflict.
 
     ways: by route id. Lines that cannot be used are named in `guessed`.
@@ -41,7 +39,9 @@ def with_stop_lines(
                 break
         else:
             if lines:
-                guessed.append(f'lane "{lane}": its painted stop line is not used, for routes miss it or conflict before')
+                guessed.append(
+                    f'lane "{lane}": its painted stop line is not used, for routes miss it or conflict before'
+                )
     return source
 
 

@@ -143,7 +143,9 @@ def _fit(
 ) -> Fit:
     position, distance = line.locate(points)
     inside = (position > 0.0) & (position < line.route.length)
-    excess = inside * np.maximum(0.0, distance - np.maximum(0.0, 0.5 * (line.width(position) - PLAIN_LANE)))
+    excess = inside.astype(np.float64) * np.maximum(
+        0.0, distance - np.maximum(0.0, 0.5 * (line.width(position) - PLAIN_LANE))
+    )
     return _judged(line, (position, distance, inside, excess), motion, offsets, tolerance)
 
 
@@ -183,8 +185,10 @@ def _with_lane_changes(
     """The fits where a vehicle may drive in any lane that leads from the same arm to the same other one."""
     found = []
     for line, fit in zip(lines, fits, strict=True):
-        lanes = [one.excess + ~one.inside * 1e6 for one, beside in zip(fits, lines, strict=True) if _beside(beside, line)]
-        excess = fit.inside * np.min(lanes, axis=0)
+        lanes = [
+            one.excess + ~one.inside * 1e6 for one, beside in zip(fits, lines, strict=True) if _beside(beside, line)
+        ]
+        excess = np.where(fit.inside, np.min(lanes, axis=0), 0.0)
         found.append(_judged(line, (fit.position, fit.distance, fit.inside, excess), motion, offsets, tolerance))
     return found
 

@@ -95,8 +95,8 @@ def check_distance(recording: Recording, intersection: Intersection) -> None:
         middle = f"{np.median(recording.x):.0f}, {np.median(recording.y):.0f}"
         place = ", ".join(f"{one:.0f}" for one in np.median([route.centroid.coords[0] for route in routes], axis=0))
         raise ValueError(
-            f'recording {recording.id} lies {np.median(far):.0f} m (median) from the routes of map "{intersection.name}":'
-            f" around [{middle}], and the map around [{place}]; wanted both in the same metres"
+            f"recording {recording.id} lies {np.median(far):.0f} m (median) from the routes of map"
+            f' "{intersection.name}": around [{middle}], and the map around [{place}]; wanted both in the same metres'
             " (python -m data.maps --shift or --origin moves a map)"
         )
 

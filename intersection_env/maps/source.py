@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -118,6 +119,8 @@ class MapSource:
         routes = tuple(_route(key, value, arms, lanes) for key, value in _entries(content, "routes").items())
         if not routes:
             raise ValueError('"routes" is empty')
+        for route in routes:
+            _check_directions(route, lanes)
         yields = _yields(content.get("yields", []), {route.id for route in routes})
         return cls(name, _locations(content.get("locations", [])), arms, lanes, stop_lines, routes, yields)
 
@@ -211,7 +214,7 @@ def _points(where: str, value: Any, least: int, most: int | None = None) -> Poin
     if points.ndim != 2 or points.shape[1] != 2 or len(points) < least or (most and len(points) > most):
         raise ValueError(f"{where} must be at least {least} points [x, y], not an array of shape {points.shape}")
     if not np.isfinite(points).all() or (np.linalg.norm(np.diff(points, axis=0), axis=1) < 1e-3).any():
-        raise ValueError(f"{where} must hold finite points, each apart from the one before")
+        raise ValueError(f"{where} must hold finite points in metres, each apart from the one before")
     far = np.flatnonzero((np.abs(points) > LARGEST).any(axis=1))
     if len(far):
         x, y = points[far[0]]
@@ -269,9 +272,26 @@ def _route(key: str, value: Any, arms: dict[str, Arm], lanes: dict[str, Lane]) -
     for part in ("approach", "exit"):
         names = value.get(part)
         if not isinstance(names, list) or not names or not all(isinstance(one, str) and one in lanes for one in names):
-            raise ValueError(f'route "{key}": "{part}" must be a list of lanes, not {names!r}')
+            unknown = [one for one in names if one not in lanes] if isinstance(names, list) else []
+            what = f"there is no lane {unknown[0]!r} in" if unknown else "not"
+            raise ValueError(f'route "{key}": "{part}" must be a list of lanes, {what} {names!r}')
     inside = _points(f'route "{key}": "inside"', value["inside"], 2) if "inside" in value else None
     return RouteSource(key, entry, leave, tuple(value["approach"]), tuple(value["exit"]), inside)
+
+
+def _check_directions(route: RouteSource, lanes: dict[str, Lane]) -> None:
+    """Refuses a lane that is drawn from its end to its begin, as seen from the one before or behind."""
+    ways = [(f'lane "{name}"', lanes[name].points) for name in route.approach + route.leaving]
+    if route.inside is not None:
+        ways.insert(len(route.approach), ('"inside"', route.inside))
+    for (one, before), (other, after) in pairwise(ways):
+        gap = np.linalg.norm(after[0] - before[-1])
+        for name, turned in ((one, after[0] - before[0]), (other, after[-1] - before[-1])):
+            if np.linalg.norm(turned) < gap:
+                raise ValueError(
+                    f'route "{route.id}": {name} is drawn backwards, or {one} and {other} do not follow each other:'
+                    f" {gap:.1f} m lie between them, and {np.linalg.norm(turned):.1f} m if it were turned"
+                )
 
 
 def _locations(value: Any) -> tuple[int, ...]:
