@@ -60,7 +60,7 @@ def find_arms(lane_map: LaneMap, circle: Circle, ways: Sequence[Way]) -> list[Ar
     centre = complex(circle.x, circle.y)
     found = [(float(np.angle(np.mean([lane.mouth for lane in group]) - centre)), group) for group in groups.values()]
     arms: list[ArmLanes] = []
-    for bearing, group in sorted(found, key=lambda item: item[0] % (2.0 * np.pi)):
+    for bearing, group in sorted(found, key=lambda item: (item[0] + np.pi / 8.0) % (2.0 * np.pi)):
         plain = NAMES[round(bearing / (np.pi / 4.0)) % 8]
         same = sum(arm.name.rstrip("0123456789") == plain for arm in arms)
         name = plain if not same else f"{plain}{same + 1}"
