@@ -72,12 +72,13 @@ def shifted(source: MapSource, shifts: Mapping[str, LaneShift]) -> MapSource:
     """The source with these lanes moved to the left, points added where a shift varies."""
     lanes = {name: _moved(lane, shifts[name]) if name in shifts else lane for name, lane in source.lanes.items()}
     routes = []
+    drawn = any(inside_of(route.id) in shifts for route in source.routes)
     for route in source.routes:
         shift = shifts.get(inside_of(route.id))
         if shift is not None and route.inside is not None:
             route = replace(route, inside=_moved(Lane(route.inside, np.ones(len(route.inside))), shift).points)
         routes.append(route)
-    return replace(source, lanes=lanes, routes=tuple(routes))
+    return replace(source, lanes=lanes, routes=tuple(routes) if drawn else source.routes)
 
 
 def _smoothed(length: float, cars: Sequence[tuple[NDArray[np.float64], NDArray[np.float64]]]) -> LaneShift:

@@ -272,7 +272,8 @@ def _route(key: str, value: Any, arms: dict[str, Arm], lanes: dict[str, Lane]) -
     for part in ("approach", "exit"):
         names = value.get(part)
         if not isinstance(names, list) or not names or not all(isinstance(one, str) and one in lanes for one in names):
-            unknown = [one for one in names if one not in lanes] if isinstance(names, list) else []
+            words = [one for one in names if isinstance(one, str)] if isinstance(names, list) else []
+            unknown = [one for one in words if one not in lanes]
             what = f"there is no lane {unknown[0]!r} in" if unknown else "not"
             raise ValueError(f'route "{key}": "{part}" must be a list of lanes, {what} {names!r}')
     inside = _points(f'route "{key}": "inside"', value["inside"], 2) if "inside" in value else None
@@ -281,7 +282,10 @@ def _route(key: str, value: Any, arms: dict[str, Arm], lanes: dict[str, Lane]) -
 
 def _check_directions(route: RouteSource, lanes: dict[str, Lane]) -> None:
     """Refuses a lane that is drawn from its end to its begin, as seen from the one before or behind."""
-    ways = [(f'lane "{name}"', lanes[name].points) for name in route.approach + route.leaving]
+    names = route.approach + route.leaving
+    if len(set(names)) < len(names):
+        return  # the compiler refuses it
+    ways = [(f'lane "{name}"', lanes[name].points) for name in names]
     if route.inside is not None:
         ways.insert(len(route.approach), ('"inside"', route.inside))
     for (one, before), (other, after) in pairwise(ways):

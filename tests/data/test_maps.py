@@ -242,9 +242,21 @@ def driven(lines: list[Any]) -> Recording:
     offsets = np.cumsum([0, *map(len, dense)])
     count = len(dense)
     return Recording(
-        "00", None, 5.0, np.arange(count), ("car",) * count, np.full(count, 4.5), np.full(count, 1.8), offsets,
-        np.tile(np.arange(len(share)), count), *points.T, way * 5.0, way * 0.0, np.arctan2(*way.T[::-1]),
-    )  # fmt: skip
+        id="00",
+        location=None,
+        frame_rate=5.0,
+        track_id=np.arange(count),
+        road_user=("car",) * count,
+        length=np.full(count, 4.5),
+        width=np.full(count, 1.8),
+        offsets=offsets,
+        frame=np.tile(np.arange(len(share)), count),
+        x=points[:, 0],
+        y=points[:, 1],
+        velocity=way * 5.0,
+        acceleration=way * 0.0,
+        heading=np.arctan2(way[:, 1], way[:, 0]),
+    )
 
 
 def test_utm_metres_are_those_of_known_places() -> None:

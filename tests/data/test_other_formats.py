@@ -143,8 +143,9 @@ def test_wrong_timestamps_of_interaction_are_refused(tmp_path: Path, recording: 
     table.assign(timestamp_ms=table["frame_id"] * 100).to_csv(path, index=False)
     (tmp_path / "pedestrian_tracks_000.csv").unlink()
     refused(tmp_path, "at 100 ms a frame (timestamp_ms)", "a time step of 0.2 s, not 0.1 s")
-    table.loc[7, "timestamp_ms"] += 50
-    table.to_csv(path, index=False)
+    time = table["timestamp_ms"].to_numpy().copy()
+    time[7] += 50
+    table.assign(timestamp_ms=time).to_csv(path, index=False)
     refused(tmp_path, "vehicle_tracks_000.csv, line 9: timestamp_ms is")
 
 
