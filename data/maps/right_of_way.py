@@ -82,10 +82,20 @@ def _by_rule(lane_map: LaneMap, own: Mapping[str, Way], ways: Mapping[str, Way])
 
 
 def _by_sign(lane_map: LaneMap, own: Mapping[str, Way]) -> str | None:
-    signs = {sign for way in own.values() for id in way.approach for sign in lane_map.lanelets[id].signs}
-    for sign in ("stop", "yield", "priority"):
-        if sign in signs:
-            return sign
+    """What signs say of an arm: those before the junction, else those on the first lanelets inside it.
+
+    Maps hang a sign on each lanelet that it may concern, and some on others, too: what all ways have counts first.
+    """
+    for part in ("approach", "inside"):
+        each = []
+        for way in own.values():
+            ids = way.approach if part == "approach" else way.inside[:1]
+            each.append(frozenset().union(*(lane_map.lanelets[id].signs for id in ids)))
+        each = [signs for signs in each if signs]
+        common = frozenset.intersection(*each) if each else frozenset()
+        for sign in ("stop", "yield", "priority"):
+            if sign in (common or frozenset().union(*each)):
+                return sign
     return None
 
 
