@@ -76,18 +76,7 @@ def read_commonroad(paths: list[Path]) -> Recording:
         ValueError: a scenario is malformed or contradicts itself; the message names file and obstacle.
     """
     scenarios = [_scenario(path, path.stat().st_mtime_ns) for path in paths]
-    left_out: Counter[str] = Counter()
-    states: dict[str, list[Floats]] = {}
-    who: dict[str, Obstacle] = {}
-    first = 0
-    for one in scenarios:
-        left_out.update(one.left_out)
-        for id, obstacle in one.obstacles.items():
-            who.setdefault(id, obstacle)
-            states.setdefault(id, []).append(obstacle.states + np.array([first, 0.0, 0.0, 0.0, 0.0, 0.0]))
-        first += one.last + 1
-    tracks = [(id, part) for id, parts in states.items() for part in _unbroken(np.concatenate(parts))]
-    tracks.sort(key=lambda track: track[1][0, 0])
+    who, tracks = _tracks(scenarios)
     rows = np.concatenate([part for _, part in tracks])
     frame, x, y, heading, speed, acceleration = rows.T
     direction = np.stack([np.cos(heading), np.sin(heading)], axis=1)
@@ -111,10 +100,24 @@ def read_commonroad(paths: list[Path]) -> Recording:
         velocity=speed[:, None] * direction,
         acceleration=acceleration[:, None] * direction,
         heading=(heading + np.pi) % (2.0 * np.pi) - np.pi,
-        left_out=left_out,
+        left_out=sum((one.left_out for one in scenarios), Counter()),
     )
     check_time_step(paths[0], f"timeStepSize {scenarios[0].time_step:g}", result)
     return result
+
+
+def _tracks(scenarios: list[Scenario]) -> tuple[dict[str, Obstacle], list[tuple[str, Floats]]]:
+    """The obstacles of all windows by id, and each stretch that one is there, in time steps of the first window."""
+    states: dict[str, list[Floats]] = {}
+    who: dict[str, Obstacle] = {}
+    first = 0
+    for one in scenarios:
+        for id, obstacle in one.obstacles.items():
+            who.setdefault(id, obstacle)
+            states.setdefault(id, []).append(obstacle.states + np.array([first, 0.0, 0.0, 0.0, 0.0, 0.0]))
+        first += one.last + 1
+    tracks = [(id, part) for id, parts in states.items() for part in _unbroken(np.concatenate(parts))]
+    return who, sorted(tracks, key=lambda track: float(track[1][0, 0]))
 
 
 @lru_cache(maxsize=4096)

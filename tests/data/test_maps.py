@@ -194,6 +194,53 @@ def test_a_damaged_map_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[
     assert words in refused(tmp_path, capsys, tmp_path / "map.xml")
 
 
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ('role="left"', 'role="middle"', "lanelet 100, left bound is missing"),
+        ('<nd ref="1"/>', '<nd ref="99999"/>', "lanelet 100, left bound: node 99999 of way 50000 is not in the file"),
+        ('lat="49.5', 'lat="149.5', "node 1 lies at 149.5"),
+        ('lat="49.5', 'lat="x49.5', "node 1, lat: 'x49.5"),
+        ('ref="50000"', 'ref="77"', "lanelet 100, left bound: way 77 is not in the file"),
+        ("</osm>", "", "not XML, or truncated"),
+    ],
+)
+def test_a_damaged_lanelet2_map_is_refused_by_lanelet(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], old: str, new: str, words: str
+) -> None:
+    path = tmp_path / "map.osm"
+    write_lanelet2_map(path, junction())
+    text = path.read_text()
+    assert old in text
+    path.write_text(text.replace(old, new, 1))
+    assert words in refused(tmp_path, capsys, path, "--origin", "{},{}".format(*origin()))
+
+
+def test_without_an_origin_one_is_guessed_and_around_zero_degrees_it_is_that_of_interaction(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path, out = tmp_path / "map.osm", tmp_path / "out.json"
+    write_lanelet2_map(path, junction())
+    assert main([str(path), "--out", str(out)]) == 0
+    assert "guessed: the middle of the map" in capsys.readouterr().out
+    assert np.abs(MapSource.read(out).lanes["W_in"].points).max() < 200.0
+    write_lanelet2_map(path, junction().moved(1000.0, 990.0), place=(0.0, 0.0))
+    assert main([str(path), "--out", str(out)]) == 0
+    assert MapSource.read(out).lanes["W_in"].points[-1] == pytest.approx([988.0, 988.25], abs=0.05)
+
+
+def test_signs_on_the_first_lanelets_inside_count_where_none_stands_before(tmp_path: Path) -> None:
+    drawn = junction()
+    for id, one in drawn.lanelets.items():
+        if id >= 1000:
+            drawn = drawn.changed(id, signs=("301",) if (id - 1000) // 100 in (0, 2) else ("206",))
+        assert one.successors or id >= 200
+    source = imported(tmp_path, drawn)
+    rights = {name: arm.right_of_way for name, arm in source.arms.items()}
+    assert sorted(rights.values()) == ["priority", "priority", "stop", "stop"]
+    assert rights["E"] == rights["W"]
+
+
 def test_a_map_of_other_metres_is_refused_with_its_distance(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     write_commonroad_map(tmp_path / "map.xml", junction().moved(300_000.0, 400_000.0))
     assert "500.0 km from 0" in refused(tmp_path, capsys, tmp_path / "map.xml")
