@@ -1,1 +1,1 @@
-"""Recordings to scenes: inD's format, the SUMO stand-in, projection, filters, split."""
+"""Recordings to scenes: formats, the SUMO stand-in, projection, filters, split; maps of lanes to map sources."""

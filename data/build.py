@@ -14,7 +14,7 @@ from pathlib import Path
 
 from tqdm import tqdm
 
-from data.formats.ind import read_location, read_recording, recording_files, recording_ids
+from data.formats.folder import read_location, read_recording, recording_file, recording_ids
 from data.pipeline.extrapolation import HORIZON
 from data.pipeline.filters import CROSSING_MARGIN, OVERTAKING_MARGIN
 from data.pipeline.projection import MAX_EXCESS, RMS_EXCESS
@@ -61,7 +61,7 @@ def build(
         about.append(
             {
                 "id": id,
-                "file": recording_files(folder, id).tracks.name,
+                "file": recording_file(folder, id).name,
                 "location": recording.location,
                 "split": split[id],
                 "seconds": round((int(recording.frame.max()) + 1) / recording.frame_rate, 3),
@@ -76,6 +76,8 @@ def build(
 def recordings_on(folder: Path, intersection: Intersection) -> tuple[list[str], list[str]]:
     """The ids of the recordings in a folder that lie on the map, and of those that do not.
 
+    Formats that name no location leave it to who chose the map; tracks far from its routes are refused later.
+
     Raises:
         FileNotFoundError: there is no recording.
         ValueError: none of them lies on the map.
@@ -84,7 +86,7 @@ def recordings_on(folder: Path, intersection: Intersection) -> tuple[list[str], 
     elsewhere: list[str] = []
     locations = {id: read_location(folder, id) for id in recording_ids(folder)}
     for id, location in locations.items():
-        (on_map if location in intersection.locations else elsewhere).append(id)
+        (on_map if location is None or location in intersection.locations else elsewhere).append(id)
     if not on_map:
         check_location(elsewhere[0], locations[elsewhere[0]], intersection)
     return on_map, elsewhere
@@ -104,10 +106,15 @@ def maps_of(folder: Path, maps: Sequence[str | Path] = ()) -> tuple[Intersection
     if twice:
         raise ValueError(f'two maps are called "{twice[0]}"; each needs a name of its own')
     locations = {id: read_location(folder, id) for id in recording_ids(folder)}
-    there = tuple(one for one in found if set(one.locations) & set(locations.values()))
+    places = set(locations.values())
+    there = tuple(one for one in found if set(one.locations) & places or (maps and None in places))
     for one in found if maps or not there else ():
         if one not in there:
-            wanted, are = (", ".join(map(str, sorted(set(each)))) for each in (one.locations, locations.values()))
+            if places == {None}:
+                raise ValueError(
+                    f"{folder}: these recordings name no location; give the map of their place (--map PATH)"
+                )
+            wanted, are = (", ".join(sorted(map(str, each - {None}))) for each in (set(one.locations), places))
             raise ValueError(
                 f'map "{one.name}": no recording in {folder} lies on it: it is made for location {wanted or "none"},'
                 f" the recordings are of location {are}; {give_map_of(are)}"
@@ -135,7 +142,7 @@ def summary(scenes: Scenes) -> str:
 def main(arguments: Sequence[str] | None = None) -> int:
     """Builds scenes files, prints what was dropped and why, and returns the exit status."""
     parser = argparse.ArgumentParser(prog="python -m data.build", description="Recordings to a scenes file.")
-    parser.add_argument("folder", type=Path, help="folder with recordings in inD's format (.csv or .csv.xz)")
+    parser.add_argument("folder", type=Path, help="folder with recordings of inD, INTERACTION or CommonRoad")
     parser.add_argument(
         "--map",
         nargs="+",

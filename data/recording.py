@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,23 +13,25 @@ PEDESTRIAN = "pedestrian"
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
+Ids = NDArray[np.int64] | NDArray[np.str_]
 
 
 @dataclass(frozen=True)
 class Recording:
     """One recording, track after track; the rows of track k are offsets[k] to offsets[k + 1].
 
-    track_id: (track,); road_user: one word per track, as "car"; length, width: (track,) [m], 0 where
+    location: inD's id of the place; None where the format names none.
+    track_id: (track,), numbers or words; road_user: one word per track, as "car"; length, width: (track,) [m], 0 where
     the format gives none; offsets: (track + 1,).
     frame: (row,), consecutive within a track; x, y: (row,) centre [m]; velocity: (row, 2) [m/s];
     acceleration: (row, 2) [m/s²]; heading: (row,) of the body [rad], meaningless where the track has no size.
     """
 
     id: str
-    location: int
+    location: int | None
     frame_rate: float
     """[1/s]"""
-    track_id: Integers
+    track_id: Ids
     road_user: tuple[str, ...]
     length: Floats
     width: Floats
@@ -39,6 +42,8 @@ class Recording:
     velocity: Floats
     acceleration: Floats
     heading: Floats
+    left_out: Mapping[str, int] = field(default_factory=dict)
+    """What the reader did not take, by reason."""
 
     def resampled(self, dt: float) -> Recording:
         """The recording with one frame every `dt` seconds: those frames exactly, renumbered from 0.

@@ -36,7 +36,7 @@ ROWS = 10
 def main(arguments: Sequence[str] | None = None) -> int:
     """Runs the demo and returns the exit status."""
     parser = argparse.ArgumentParser(prog="python -m experiments.demo", description="The main job, end to end.")
-    parser.add_argument("--recordings", type=Path, default=Path("data/recordings"), help="recordings in inD's format")
+    parser.add_argument("--recordings", type=Path, default=Path("data/recordings"), help="folder of recordings")
     parser.add_argument("--map", default="bendplatz", help="a shipped map's name, or the path of a .json or .map")
     parser.add_argument("--out", type=Path, default=Path("out/demo"), help="the folder to write to")
     options = parser.parse_args(arguments)

@@ -35,7 +35,7 @@ FLOORS = {
         ("envs",),
         ("__init__", "map_compiler"),
     ),
-    "data": (("recording",), ("formats", "pipeline", "sumo"), ("build", "describe"), ("align",)),
+    "data": (("recording",), ("formats", "pipeline", "sumo"), ("build", "describe", "maps"), ("align",)),
     "agents": (("networks", "training"), ("rollouts",), ("gap", "idm", "ppo")),
     "imitation": (
         ("tracks", "discriminator", "cloning", "empty_road_states", "map_tables", "torch_networks"),

@@ -15,7 +15,7 @@ from data.align.picture import plot_alignment
 from data.align.report import report
 from data.align.source_file import write_source
 from data.build import recordings_on
-from data.formats.ind import read_recording
+from data.formats.folder import read_recording
 from intersection_env.maps.intersection import MAPS, Intersection, shipped_maps
 from intersection_env.maps.source import MapSource
 from intersection_env.plots.files import write_figure
@@ -28,7 +28,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Writes the moved map and a picture, prints the deviations, and returns the exit status."""
     parser = argparse.ArgumentParser(prog="python -m data.align", description="Lanes to where recorded cars drive.")
     parser.add_argument("map", help="a shipped map's name, or the path of a source .json")
-    parser.add_argument("folder", type=Path, help="folder with recordings in inD's format (.csv or .csv.xz)")
+    parser.add_argument("folder", type=Path, help="folder with recordings of inD, INTERACTION or CommonRoad")
     parser.add_argument("--out", type=Path, required=True, help="the map source to write (.json)")
     parser.add_argument("--name", help="of the new map, one word; by default NAME_aligned")
     parser.add_argument("--picture", type=Path, help="the picture to write; by default a .png beside --out")

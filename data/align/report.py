@@ -8,6 +8,7 @@ import numpy as np
 
 from data.align.align import Alignment
 from data.align.drives import Drive
+from data.align.shift import inside_of
 from intersection_env.maps.intersection import Intersection
 
 HEADER = f"{'route':<10}{'cars':>6}{'left':>8}{'aside':>8}{'95 %':>8}   {'cars':>6}{'left':>8}{'aside':>8}{'95 %':>8}"
@@ -21,7 +22,8 @@ def report(alignment: Alignment) -> str:
     lines += [f"{route.id:<10}{before[route.index]}   {after[route.index]}" for route in alignment.before.routes]
     lines.append("left: the median of how far left of the line a car drives; aside: of the distance, whichever side")
     lines.append("lanes, moved to the left in all rounds together [m]:")
-    for name in alignment.source.lanes:
+    ways = [inside_of(route.id) for route in alignment.source.routes if route.inside is not None]
+    for name in (*alignment.source.lanes, *ways):
         lines.append(f"  {name:<20} {_shift(alignment, name)}")
     return "\n".join([*lines, *alignment.limited])
 

@@ -40,32 +40,45 @@ class LaneShift:
 def lane_shifts(
     source: MapSource, intersection: Intersection, drives: Sequence[Drive], least_cars: int
 ) -> dict[str, LaneShift]:
-    """The shifts of the lanes on which at least so many cars drove.
+    """The shifts of the lanes, and of the ways drawn inside the junction, on which at least so many cars drove.
 
     At each station it is the median over the cars of how far left they drive there, smoothed along the lane;
     where no car was seen it is what it is at the nearest place where some were.
     """
     seen: dict[str, list[tuple[NDArray[np.float64], NDArray[np.float64]]]] = defaultdict(list)
+    lengths: dict[str, float] = {}
     by_id = {route.id: route for route in source.routes}
     for drive in drives:
         begin = 0.0
         for piece in source.pieces(by_id[intersection.routes[drive.route].id]):
             length = along(piece.points)[-1]
             on_lane = (drive.position >= begin) & (drive.position <= begin + length)
-            if piece.lane is not None and on_lane.any():
-                seen[piece.lane].append((drive.position[on_lane] - begin, drive.left[on_lane]))
+            name = piece.lane
+            if piece.inside_junction and by_id[intersection.routes[drive.route].id].inside is not None:
+                name = inside_of(intersection.routes[drive.route].id)
+            if name is not None and on_lane.any():
+                seen[name].append((drive.position[on_lane] - begin, drive.left[on_lane]))
+                lengths[name] = length
             begin += length
-    shifts: dict[str, LaneShift] = {}
-    for name, cars in seen.items():
-        if len(cars) >= least_cars:
-            shifts[name] = _smoothed(along(source.lanes[name].points)[-1], cars)
-    return shifts
+    return {name: _smoothed(lengths[name], cars) for name, cars in seen.items() if len(cars) >= least_cars}
+
+
+def inside_of(route_id: str) -> str:
+    """What the drawn way of a route inside the junction is called among the shifts; no lane has a blank."""
+    return f"inside {route_id}"
 
 
 def shifted(source: MapSource, shifts: Mapping[str, LaneShift]) -> MapSource:
     """The source with these lanes moved to the left, points added where a shift varies."""
     lanes = {name: _moved(lane, shifts[name]) if name in shifts else lane for name, lane in source.lanes.items()}
-    return replace(source, lanes=lanes)
+    routes = []
+    drawn = any(inside_of(route.id) in shifts for route in source.routes)
+    for route in source.routes:
+        shift = shifts.get(inside_of(route.id))
+        if shift is not None and route.inside is not None:
+            route = replace(route, inside=_moved(Lane(route.inside, np.ones(len(route.inside))), shift).points)
+        routes.append(route)
+    return replace(source, lanes=lanes, routes=tuple(routes) if drawn else source.routes)
 
 
 def _smoothed(length: float, cars: Sequence[tuple[NDArray[np.float64], NDArray[np.float64]]]) -> LaneShift:

@@ -8,12 +8,13 @@ from typing import Any
 
 import numpy as np
 
+from data.maps.source_text import source_text
 from intersection_env.files import written_whole
 from intersection_env.maps.source import Lane, MapSource
 
 
 def write_source(original: Path, source: MapSource, path: Path, name: str, about: str) -> None:
-    """The file `original` with the lanes of `source`, to the centimetre, at `path`, under a name of its own.
+    """The file `original` with the lanes and ways of `source`, to the centimetre, at `path`, under a name of its own.
 
     Raises:
         OSError: a file cannot be read or written.
@@ -21,25 +22,14 @@ def write_source(original: Path, source: MapSource, path: Path, name: str, about
     content = json.loads(original.read_text(encoding="utf-8"))
     content |= {"name": name, "about": " ".join(filter(None, (content.get("about"), about)))}
     content["lanes"] = {name: _lane(lane) for name, lane in source.lanes.items()}
+    for route in source.routes:
+        if route.inside is not None:
+            content["routes"][route.id]["inside"] = (np.round(route.inside, 2) + 0.0).tolist()
     with written_whole(path) as temporary:
-        temporary.write_text(_text(content), encoding="utf-8")
+        temporary.write_text(source_text(content), encoding="utf-8")
 
 
 def _lane(lane: Lane) -> dict[str, Any]:
     points = (np.round(lane.points, 2) + 0.0).tolist()
     width = np.round(lane.width, 2).tolist()
     return {"width": width[0] if len(set(width)) == 1 else width, "points": points}
-
-
-def _text(content: dict[str, Any]) -> str:
-    """JSON with one line for each arm, lane, stop line and route."""
-    parts = []
-    for key, value in content.items():
-        if isinstance(value, dict) and value:
-            inner = ",\n".join(
-                f"    {json.dumps(name)}: {json.dumps(one, ensure_ascii=False)}" for name, one in value.items()
-            )
-            parts.append(f"  {json.dumps(key)}: {{\n{inner}\n  }}")
-        else:
-            parts.append(f"  {json.dumps(key)}: {json.dumps(value, ensure_ascii=False)}")
-    return "{\n" + ",\n".join(parts) + "\n}\n"

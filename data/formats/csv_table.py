@@ -52,6 +52,21 @@ def read_table(path: Path, columns: Mapping[str, type]) -> pd.DataFrame:
     return table
 
 
+def one_of(folder: Path, name: str) -> Path:
+    """The file of that name in a folder, or the one compressed as `.xz`.
+
+    Raises:
+        FileNotFoundError: neither is there.
+        ValueError: both are.
+    """
+    found = [path for path in (folder / name, folder / f"{name}.xz") if path.is_file()]
+    if not found:
+        raise FileNotFoundError(f"{folder / name}: missing, and {name}.xz too; a recording needs one of the two")
+    if len(found) > 1:
+        raise ValueError(f"{found[0]}: {name}.xz is there as well; keep one of the two")
+    return found[0]
+
+
 def _content(path: Path) -> bytes:
     content = path.read_bytes()
     if path.suffix == ".xz":

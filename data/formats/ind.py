@@ -12,12 +12,11 @@ from pathlib import Path
 
 import numpy as np
 
-from data.formats.csv_table import read_table
+from data.formats.csv_table import one_of, read_table
 from data.formats.ind_checks import Files, check_meta, check_order, check_recording_id, check_speed, matched
+from data.formats.road_users import CLASSES
+from data.formats.time_step import check_time_step
 from data.recording import Recording
-
-SPEED_TOLERANCE = 0.1  # ours: share by which the way covered may differ from the velocities, summed over a recording
-MOVING = 1.0  # [m/s], ours: slower rows are noise when ways and velocities are compared
 
 TRACKS = {
     **dict.fromkeys(("recordingId", "trackId", "frame"), np.int64),
@@ -63,7 +62,7 @@ def recording_files(folder: Path, recording: str) -> Files:
         FileNotFoundError: one of them is missing.
         ValueError: one is there twice, plain and compressed.
     """
-    return Files(*(_one_of(folder, f"{recording}_{kind}.csv") for kind in ("tracks", "tracksMeta", "recordingMeta")))
+    return Files(*(one_of(folder, f"{recording}_{kind}.csv") for kind in ("tracks", "tracksMeta", "recordingMeta")))
 
 
 def read_location(folder: Path, recording: str) -> int:
@@ -101,7 +100,7 @@ def read_recording(folder: Path, recording: str) -> Recording:
         location=location,
         frame_rate=frame_rate,
         track_id=meta["trackId"].to_numpy(),
-        road_user=tuple(meta["class"]),
+        road_user=tuple(CLASSES[word] for word in meta["class"]),
         length=meta["length"].to_numpy(),
         width=meta["width"].to_numpy(),
         offsets=offsets,
@@ -112,17 +111,8 @@ def read_recording(folder: Path, recording: str) -> Recording:
         acceleration=rows[["xAcceleration", "yAcceleration"]].to_numpy(),
         heading=np.radians((rows["heading"].to_numpy() + 180.0) % 360.0 - 180.0),
     )
-    _check_frame_rate(files.recording_meta, result)
+    check_time_step(files.recording_meta, f"frameRate {frame_rate:g}", result)
     return result
-
-
-def _one_of(folder: Path, name: str) -> Path:
-    found = [path for path in (folder / name, folder / f"{name}.xz") if path.is_file()]
-    if not found:
-        raise FileNotFoundError(f"{folder / name}: missing, and {name}.xz too; a recording needs one of the two")
-    if len(found) > 1:
-        raise ValueError(f"{found[0]}: {name}.xz is there as well; keep one of the two")
-    return found[0]
 
 
 def _recording_meta(path: Path, recording: str) -> tuple[int, float, float]:
@@ -143,21 +133,4 @@ def _check_duration(files: Files, duration: float, frame_rate: float, last: int)
         raise ValueError(
             f"{files.recording_meta}: duration {duration:g} s at frameRate {frame_rate:g} ends before frame {last},"
             f" which {files.tracks.name} holds"
-        )
-
-
-def _check_frame_rate(path: Path, recording: Recording) -> None:
-    """Refuses a frame rate at which the way covered is not what the velocities say."""
-    same = np.ones(len(recording.frame), dtype=bool)
-    same[recording.offsets[1:] - 1] = False
-    speed = np.hypot(*recording.velocity.T)
-    moving = np.flatnonzero(same[:-1] & (speed[:-1] > MOVING))
-    if len(moving) == 0:
-        return
-    way = np.hypot(recording.x[moving + 1] - recording.x[moving], recording.y[moving + 1] - recording.y[moving])
-    ratio = float(way.sum() * recording.frame_rate / speed[moving].sum())
-    if abs(ratio - 1.0) > SPEED_TOLERANCE:
-        raise ValueError(
-            f"{path}: at frameRate {recording.frame_rate:g} the tracks cover {ratio:.2f} times the way that their"
-            " velocities say; wanted the rate at which they were recorded, and velocities in m/s"
         )

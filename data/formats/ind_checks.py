@@ -1,4 +1,4 @@
-"""What inD's files must agree on: each check raises one ValueError that names file, line and column."""
+"""What CSV files of recordings must agree on: each check raises one ValueError that names file, line and column."""
 
 from __future__ import annotations
 
@@ -7,14 +7,13 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from data.recording import PEDESTRIAN, VEHICLES, Floats, Integers
+from data.formats.road_users import check_size, class_of
+from data.recording import Floats, Ids, Integers
 from intersection_env import _core
 
 if TYPE_CHECKING:
     import pandas as pd
 
-LEAST_SIZE = round(_core.LEAST_SIZE, 6)  # [m]; the core's is a float32
-MOST = {"length": _core.MOST_LENGTH, "width": _core.MOST_WIDTH}  # [m]
 SIZE_TOLERANCE = 0.1  # [m], ours: a track's size may differ by this much between its two files
 
 
@@ -36,37 +35,29 @@ def check_recording_id(path: Path, table: pd.DataFrame, recording: str) -> None:
 
 def check_meta(path: Path, meta: pd.DataFrame) -> None:
     """Refuses a track that is there twice, of an unknown class, or of a size that the core refuses."""
-    known = (*VEHICLES, PEDESTRIAN)
     seen: dict[int, int] = {}
     columns = (meta[name].to_numpy() for name in ("trackId", "class", "length", "width"))
     for line, (track, road_user, length, width) in enumerate(zip(*columns, strict=True), start=2):
         if track in seen:
             raise ValueError(f"{path}, line {line}: track {track} is there twice, first in line {seen[track]}")
         seen[track] = line
-        if road_user not in known:
-            raise ValueError(f'{path}, line {line}: class is "{road_user}"; wanted one of {", ".join(known)}')
-        least = 0.0 if road_user in (PEDESTRIAN, "bicycle") else LEAST_SIZE
-        for name, size in (("length", length), ("width", width)):
-            if not least <= size <= MOST[name]:
-                raise ValueError(
-                    f"{path}, line {line}: {name} of track {track} ({road_user}) is {size:g} m;"
-                    f" wanted {least:g} to {MOST[name]:g}"
-                )
+        where = f"{path}, line {line}"
+        check_size(f"{where}: track {track}", class_of(f"{where}: class", road_user), length, width)
 
 
-def check_speed(path: Path, track: Integers, velocity: Floats) -> None:
+def check_speed(path: Path, track: Ids, velocity: Floats, columns: str = "xVelocity, yVelocity") -> None:
     """Refuses a row whose speed the core refuses; velocity: (row, 2) [m/s]."""
     speed = np.hypot(*velocity.T)
     wrong = np.flatnonzero(speed > _core.MOST_SPEED)
     if len(wrong):
         row = wrong[0]
         raise ValueError(
-            f"{path}, line {row + 2}: the speed of track {track[row]} (xVelocity, yVelocity) is {speed[row]:g} m/s;"
+            f"{path}, line {row + 2}: the speed of track {track[row]} ({columns}) is {speed[row]:g} m/s;"
             f" wanted at most {_core.MOST_SPEED:g}"
         )
 
 
-def check_order(path: Path, track: Integers, frame: Integers, offsets: Integers) -> None:
+def check_order(path: Path, track: Ids, frame: Integers, offsets: Integers) -> None:
     """Refuses tracks in several blocks, and frames out of order or missing; offsets: first row of each block."""
     heads = track[offsets[:-1]]
     unique, first = np.unique(heads, return_index=True)

@@ -31,6 +31,7 @@ LEAST_SAMPLES = 5  # ours: a track shorter than 1 s shows neither lane nor manne
 TELLING = 1.25  # [m], ours: routes are told apart by more, so that who drives 1 m aside is on no other's
 BICYCLE_SIZE = (1.8, 0.6)  # [m], ours: a city bicycle with its rider; length and width, inD gives 0
 
+CHANGES = "changes lanes on its way, counted on the last"
 STANDS = "stands all along, without a route"
 
 Flags = NDArray[np.bool_]
@@ -49,6 +50,8 @@ class Fit(NamedTuple):
     """(row,) from the centreline [m]."""
     inside: Flags
     """(row,) beside the route, not before its start or beyond its end."""
+    excess: Floats
+    """(row,) [m]; 0 where not inside."""
 
 
 @dataclass(frozen=True)
@@ -86,8 +89,13 @@ def project(
     stands = [stands_all_along(recording, index) for index in candidates]
     motion = _motion(recording, rows, np.repeat(stands, end - begin))
     fits = [_fit(line, motion, points, offsets, (rms_excess, max_excess)) for line in lines]
+    changes = _with_lane_changes(fits, lines, motion, offsets, (rms_excess, max_excess))
     for number, index in enumerate(candidates):
-        chosen = _choose(fits, lines, number, slice(offsets[number], offsets[number + 1]))
+        own = slice(offsets[number], offsets[number + 1])
+        chosen = _choose(fits, lines, number, own)
+        if isinstance(chosen, str) and not isinstance(changed := _choose(changes, lines, number, own), str):
+            dropped[CHANGES] += 1
+            chosen = changed
         if stands[number]:
             if isinstance(chosen, str):
                 chosen = STANDS
@@ -97,8 +105,8 @@ def project(
             unassigned[index] = chosen
             dropped[chosen] += 1
         else:
-            own = offsets[number] + np.flatnonzero(fits[chosen].inside[offsets[number] : offsets[number + 1]])
-            tracks.append(_track(recording, index, lines[chosen], rows[own], fits[chosen].position[own]))
+            inside = offsets[number] + np.flatnonzero(fits[chosen].inside[own])
+            tracks.append(_track(recording, index, lines[chosen], rows[inside], fits[chosen].position[inside]))
     return Projection(tuple(tracks), unassigned, dropped)
 
 
@@ -135,7 +143,21 @@ def _fit(
 ) -> Fit:
     position, distance = line.locate(points)
     inside = (position > 0.0) & (position < line.route.length)
-    excess = inside * np.maximum(0.0, distance - np.maximum(0.0, 0.5 * (line.width(position) - PLAIN_LANE)))
+    excess = inside.astype(np.float64) * np.maximum(
+        0.0, distance - np.maximum(0.0, 0.5 * (line.width(position) - PLAIN_LANE))
+    )
+    return _judged(line, (position, distance, inside, excess), motion, offsets, tolerance)
+
+
+def _judged(
+    line: RouteLine,
+    place: tuple[Floats, Floats, Flags, Floats],
+    motion: Floats,
+    offsets: NDArray[np.int64],
+    tolerance: tuple[float, float],
+) -> Fit:
+    """Which tracks fit a route; place: the last four columns of `Fit`."""
+    position, distance, inside, excess = place
     count = np.add.reduceat(inside, offsets[:-1], dtype=np.int64)
     rms = np.sqrt(np.add.reduceat(excess**2, offsets[:-1]) / np.maximum(count, 1))
     motion = motion * inside[:, None]
@@ -149,7 +171,30 @@ def _fit(
     once = np.add.reduceat(entered, offsets[:-1], dtype=np.int64) == 1
     near = (rms <= tolerance[0]) & (np.maximum.reduceat(excess, offsets[:-1]) <= tolerance[1])
     in_lane = near & once & (count >= LEAST_SAMPLES)
-    return Fit(in_lane & (along >= ALONG * way) & (backward <= BACKWARD), in_lane, rms, position, distance, inside)
+    fits = in_lane & (along >= ALONG * way) & (backward <= BACKWARD)
+    return Fit(fits, in_lane, rms, position, distance, inside, excess)
+
+
+def _with_lane_changes(
+    fits: list[Fit],
+    lines: list[RouteLine],
+    motion: Floats,
+    offsets: NDArray[np.int64],
+    tolerance: tuple[float, float],
+) -> list[Fit]:
+    """The fits where a vehicle may drive in any lane that leads from the same arm to the same other one."""
+    found = []
+    for line, fit in zip(lines, fits, strict=True):
+        lanes = [
+            one.excess + ~one.inside * 1e6 for one, beside in zip(fits, lines, strict=True) if _beside(beside, line)
+        ]
+        excess = np.where(fit.inside, np.min(lanes, axis=0), 0.0)
+        found.append(_judged(line, (fit.position, fit.distance, fit.inside, excess), motion, offsets, tolerance))
+    return found
+
+
+def _beside(one: RouteLine, other: RouteLine) -> bool:
+    return (one.route.entry, one.route.exit) == (other.route.entry, other.route.exit)
 
 
 def _choose(fits: list[Fit], lines: list[RouteLine], number: int, rows: slice) -> int | str:
@@ -157,7 +202,8 @@ def _choose(fits: list[Fit], lines: list[RouteLine], number: int, rows: slice) -
 
     Routes that fit about equally were seen where they share a lane, or little beyond. Then the last
     position decides, then the first. If all of the track lies in the exit lane that they share, they
-    are the same to all that matters from there on, and the first is taken.
+    are the same to all that matters from there on, and the first is taken. If they lead side by side from one arm
+    to one other, the nearest is.
     """
     rivals = [route for route, fit in enumerate(fits) if fit.fits[number]]
     if not rivals:
@@ -172,6 +218,8 @@ def _choose(fits: list[Fit], lines: list[RouteLine], number: int, rows: slice) -
     begin = {route: fits[route].position[rows][fits[route].inside[rows]][0] for route in rivals}
     if all(begin[route] >= lines[route].route.junction[1] for route in rivals):
         return rivals[0]
+    if all(_beside(lines[route], lines[rivals[0]]) for route in rivals):
+        return min(rivals, key=lambda route: float(fits[route].distance[rows][fits[route].inside[rows]][-1]))
     return "ambiguous route"
 
 

@@ -7,6 +7,7 @@ from collections.abc import Iterable
 from dataclasses import replace
 
 import numpy as np
+import shapely
 from numpy.typing import NDArray
 
 from data.pipeline.extrapolation import extrapolate
@@ -15,9 +16,11 @@ from data.pipeline.joining import join_standing
 from data.pipeline.projection import project
 from data.recording import Recording
 from intersection_env.constants import DT
-from intersection_env.maps.intersection import Intersection
+from intersection_env.maps.intersection import XY, Intersection
 from intersection_env.scenes.scene import Scene, Track
 
+FAR = 30.0  # [m], ours: road users of the map's place are nearer to its routes; pavements and yards included
+MOST_LOOKED_AT = 1000  # ours: rows of a recording, evenly chosen, show where it lies
 LEAST_DURATION = 12.0  # [s], ours: a prediction of 10 s from more than one moment
 
 
@@ -27,13 +30,15 @@ def build_scenes(recording: Recording, split: str, intersection: Intersection) -
     A track that spans two scenes appears in both, under one id.
 
     Raises:
-        ValueError: the recording is of a location that the map is not made for, or its frame rate has
-            no whole number of frames in 0.2 s.
+        ValueError: the recording is of a location that the map is not made for, or far from it, or its frame
+            rate has no whole number of frames in 0.2 s.
     """
     check_location(recording.id, recording.location, intersection)
     recording, joints = join_standing(recording.resampled(DT))
+    check_distance(recording, intersection)
     projection = project(recording, intersection)
     reasons: defaultdict[str, float] = defaultdict(float)
+    reasons.update({f"not read: {what}": count for what, count in recording.left_out.items()})
     reasons.update({f"tracks: {reason}": count for reason, count in projection.dropped.items()})
     if joints:
         reasons["tracks: joined where they stood"] = joints
@@ -60,17 +65,39 @@ def build_scenes(recording: Recording, split: str, intersection: Intersection) -
     return scenes, reasons
 
 
-def check_location(recording: str, location: int, intersection: Intersection) -> None:
-    """Refuses a recording of another place than the map's.
+def check_location(recording: str, location: int | None, intersection: Intersection) -> None:
+    """Refuses a recording of another place than the map's; one that names no place is taken.
 
     Raises:
         ValueError: the location is not one of the map's.
     """
-    if location not in intersection.locations:
+    if location is not None and location not in intersection.locations:
         known = ", ".join(map(str, intersection.locations)) or "none"
         raise ValueError(
             f'recording {recording} is of location {location}, but map "{intersection.name}" is made for location'
             f" {known}; {give_map_of(str(location))}"
+        )
+
+
+def check_distance(recording: Recording, intersection: Intersection) -> None:
+    """Refuses a recording that lies beside the map: in other coordinates, or at another place.
+
+    Raises:
+        ValueError: half of its road users are further from every route; the message says how far.
+    """
+    rows = np.arange(0, len(recording.x), max(1, len(recording.x) // MOST_LOOKED_AT))
+    if not len(rows):
+        return
+    points = shapely.points(recording.x[rows], recording.y[rows])
+    routes = [shapely.LineString(route.samples[:, XY].astype(np.float64)) for route in intersection.routes]
+    far = np.min([shapely.distance(points, route) for route in routes], axis=0)
+    if np.median(far) > FAR:
+        middle = f"{np.median(recording.x):.0f}, {np.median(recording.y):.0f}"
+        place = ", ".join(f"{one:.0f}" for one in np.median([route.centroid.coords[0] for route in routes], axis=0))
+        raise ValueError(
+            f"recording {recording.id} lies {np.median(far):.0f} m (median) from the routes of map"
+            f' "{intersection.name}": around [{middle}], and the map around [{place}]; wanted both in the same metres'
+            " (python -m data.maps --shift or --origin moves a map)"
         )
 
 

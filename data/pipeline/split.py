@@ -50,14 +50,14 @@ def _stated(path: Path) -> Any:
 def _from_settings(path: Path, stated: Any, recordings: Sequence[str]) -> dict[str, str]:
     if not isinstance(stated, dict) or not set(stated) <= set(SPLITS):
         raise ValueError(f'{path}: "split" must be an object with {", ".join(SPLITS)}, not {stated!r}')
-    numbers = {int(recording): recording for recording in recordings}
+    numbers = {_key(recording): recording for recording in recordings}
     split: dict[str, str] = {}
-    named: set[int] = set()
+    named: set[int | str] = set()
     for word, members in stated.items():
         if not isinstance(members, list):
             raise ValueError(f'{path}: "split": "{word}" must be a list of recordings, not {members!r}')
         for member in members:
-            number = _number(path, word, member)
+            number = _number(path, word, member, recordings)
             if number in named:
                 raise ValueError(f'{path}: "split" names recording {member} twice')
             named.add(number)
@@ -69,7 +69,14 @@ def _from_settings(path: Path, stated: Any, recordings: Sequence[str]) -> dict[s
     return split
 
 
-def _number(path: Path, word: str, member: Any) -> int:
-    if isinstance(member, bool) or not isinstance(member, (int, str)) or not str(member).isdecimal():
+def _key(recording: str) -> int | str:
+    """What a recording is known by: its number, so that 7 is 07, or its name."""
+    return int(recording) if recording.isdecimal() else recording
+
+
+def _number(path: Path, word: str, member: Any, recordings: Sequence[str]) -> int | str:
+    numbers = all(recording.isdecimal() for recording in recordings)
+    wrong = isinstance(member, bool) or not isinstance(member, (int, str))
+    if wrong or (not str(member).isdecimal() and (numbers or not isinstance(member, str))):
         raise ValueError(f'{path}: "split": "{word}" must hold recordings as "07", not {member!r}')
-    return int(member)
+    return _key(str(member))

@@ -51,7 +51,7 @@ class Options:
     """All that ships, scored on one's own recordings."""
 
     recordings: Path
-    """The folder of the recordings, in inD's format."""
+    """The folder of the recordings: inD's, INTERACTION's or CommonRoad's."""
     map: tuple[str, ...] = ()
     """Maps (names, or files) of the places; none: each that ships and has recordings in the folder."""
     out: Path = Path("out/real")

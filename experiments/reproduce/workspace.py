@@ -23,7 +23,7 @@ class Options:
     """Every table and figure of the paper, re-run."""
 
     recordings: Path = Path("data/recordings")
-    """The folder of the recordings, in inD's format."""
+    """The folder of the recordings: inD's, INTERACTION's or CommonRoad's."""
     map: tuple[str, ...] = ()
     """Maps (names, or files) of the places to learn from; none: each that ships and has recordings in the folder. The
     paper's figures are measured at the first one."""

@@ -63,7 +63,15 @@ def _recordings(place: Json) -> Iterator[str]:
         f"{len(every)} recordings, {recorded / 60.0:.1f} min. Left in scenes: {share}, {place['scenes']} stretches of "
         f"{place['seconds'] / 60.0:.1f} min in all with {vehicles}."
     )
-    rows = [(one["id"], str(one["location"]), f"{one['seconds'] / 60.0:.1f}", str(one["tracks"])) for one in every]
+    rows = [
+        (
+            one["id"],
+            "not named" if one["location"] is None else str(one["location"]),
+            f"{one['seconds'] / 60.0:.1f}",
+            str(one["tracks"]),
+        )
+        for one in every
+    ]
     yield _table(("recording", "location", "min", "tracks"), rows)
 
 

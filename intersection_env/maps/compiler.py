@@ -49,6 +49,19 @@ class Overlap(NamedTuple):
     end_b: float
 
 
+class Encounter(NamedTuple):
+    """Two routes from different lanes that meet.
+
+    early: of each, how far before its stop line the conflict begins [m], negative behind it. first_yields: whether
+    the first waits; None where the source leaves it open.
+    """
+
+    first: RouteSource
+    second: RouteSource
+    early: tuple[float, float]
+    first_yields: bool | None
+
+
 def compile_map(source: MapSource) -> str:
     """The text of the compiled map, checksum included.
 
@@ -75,6 +88,26 @@ def compile_map(source: MapSource) -> str:
             conflicts.append(conflict)
             overlaps.append(_overlap(conflict, routes))
     return _text(source, routes, conflicts, shared, overlaps)
+
+
+def encounters(source: MapSource) -> list[Encounter]:
+    """The pairs of routes from different lanes that meet, for who writes a source.
+
+    Raises:
+        ValueError: as `compile_map`, but for conflicts that begin too early and pairs of which nobody yields.
+    """
+    routes = [_compile_route(source, route) for route in source.routes]
+    found: list[Encounter] = []
+    for a, b in combinations(range(len(routes)), 2):
+        lane = _shared_lane(a, routes[a], b, routes[b])
+        if lane is not None and lane.split > 0.0:
+            continue
+        one, other = routes[a], routes[b]
+        intervals = _meeting(one, other, lane)
+        if intervals is not None:
+            early = one.stop_line - intervals[0][0], other.stop_line - intervals[1][0]
+            found.append(Encounter(one.source, other.source, early, _yields(source, one, other)))
+    return found
 
 
 def compile_file(path: str | Path) -> str:
@@ -194,10 +227,10 @@ def _first_where(
     return float(s[found[0]]) if len(found) else None
 
 
-def _conflict(
-    source: MapSource, index_a: int, a: CompiledRoute, index_b: int, b: CompiledRoute, lane: SharedLane | None
-) -> Conflict | None:
-    merging = lane is not None
+def _meeting(
+    a: CompiledRoute, b: CompiledRoute, lane: SharedLane | None
+) -> tuple[tuple[float, float], tuple[float, float]] | None:
+    """Where two routes from different lanes meet, as arc lengths on each [m]; None where they do not."""
     swept_a, swept_b = (shapely.buffer(route.line, SWEPT_WIDTH / 2.0, cap_style="flat") for route in (a, b))
     area = swept_a.intersection(swept_b)
     if area.is_empty or area.area < 0.05:
@@ -206,6 +239,16 @@ def _conflict(
     along_a, along_b = (shapely.line_locate_point(route.line, corners) for route in (a, b))
     interval_a = (float(along_a.min()), lane.merge_a if lane is not None else float(along_a.max()))
     interval_b = (float(along_b.min()), lane.merge_b if lane is not None else float(along_b.max()))
+    return interval_a, interval_b
+
+
+def _conflict(
+    source: MapSource, index_a: int, a: CompiledRoute, index_b: int, b: CompiledRoute, lane: SharedLane | None
+) -> Conflict | None:
+    intervals = _meeting(a, b, lane)
+    if intervals is None:
+        return None
+    merging, (interval_a, interval_b) = lane is not None, intervals
     for route, interval in ((a, interval_a), (b, interval_b)):
         if interval[0] < route.stop_line - 0.5:
             early = route.stop_line - interval[0]
@@ -213,13 +256,19 @@ def _conflict(
                 f'the conflict of routes "{a.source.id}" and "{b.source.id}" begins {early:.1f} m'
                 f' before the stop line of "{route.source.id}"; draw that line, or the lanes, further apart'
             )
-    if _yields(source, a, b):
+    first_yields = _yields(source, a, b)
+    if first_yields is None:
+        raise ValueError(
+            f'routes "{a.source.id}" and "{b.source.id}" conflict with equal right of way and neither comes from the'
+            ' right; say who waits under "yields"'
+        )
+    if first_yields:
         return Conflict(index_a, index_b, merging, interval_a, interval_b)
     return Conflict(index_b, index_a, merging, interval_b, interval_a)
 
 
-def _yields(source: MapSource, a: CompiledRoute, b: CompiledRoute) -> bool:
-    """Whether route a yields to route b: by the source's own word, by rank, else right before left."""
+def _yields(source: MapSource, a: CompiledRoute, b: CompiledRoute) -> bool | None:
+    """Whether route a yields to route b: by the source's own word, by rank, else right before left; None: unsaid."""
     if (a.source.id, b.source.id) in source.yields:
         return True
     if (b.source.id, a.source.id) in source.yields:
@@ -229,10 +278,7 @@ def _yields(source: MapSource, a: CompiledRoute, b: CompiledRoute) -> bool:
     bearing = wrap(source.approach_heading(b.source) - source.approach_heading(a.source))
     if np.radians(20.0) < abs(bearing) < np.radians(160.0):
         return bearing > 0.0
-    raise ValueError(
-        f'routes "{a.source.id}" and "{b.source.id}" conflict with equal right of way and neither comes from the'
-        ' right; say who waits under "yields"'
-    )
+    return None
 
 
 def _overlap(conflict: Conflict, routes: list[CompiledRoute]) -> Overlap:

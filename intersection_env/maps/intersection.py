@@ -61,6 +61,11 @@ class Route:
         """The arm from which it comes."""
         return self.id.partition("-")[0]
 
+    @property
+    def exit(self) -> str:
+        """The arm into which it leads."""
+        return self.id.partition("-")[2].partition(".")[0]
+
 
 class Intersection:
     """A compiled map. Equal maps have equal checksums.

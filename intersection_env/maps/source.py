@@ -2,13 +2,14 @@
 
 A source file is JSON: arms with their right of way, lanes as polylines in driving direction, and
 routes as sequences of lanes. Where one lane of a route ends apart from where the next begins, the
-gap is bridged by a smooth curve, so an author draws straight lanes only.
+gap is bridged by a smooth curve, so an author draws straight lanes only; a way inside the junction may be drawn.
 """
 
 from __future__ import annotations
 
 import json
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -56,6 +57,8 @@ class RouteSource:
     exit: str
     approach: tuple[str, ...]
     leaving: tuple[str, ...]
+    inside: Points | None = None
+    """(point, 2) [m], the way inside the junction where it is drawn."""
 
 
 class Piece(NamedTuple):
@@ -116,6 +119,8 @@ class MapSource:
         routes = tuple(_route(key, value, arms, lanes) for key, value in _entries(content, "routes").items())
         if not routes:
             raise ValueError('"routes" is empty')
+        for route in routes:
+            _check_directions(route, lanes)
         yields = _yields(content.get("yields", []), {route.id for route in routes})
         return cls(name, _locations(content.get("locations", [])), arms, lanes, stop_lines, routes, yields)
 
@@ -127,7 +132,8 @@ class MapSource:
             lane = self.lanes[name]
             if number:
                 before = self.lanes[names[number - 1]]
-                curve = connect(before.points, lane.points)
+                inside = route.inside if number == len(route.approach) else None
+                curve = connect(before.points, lane.points) if inside is None else _joined(before, inside, lane)
                 way = along(curve)
                 width = np.interp(way, way[[0, -1]], [before.width[-1], lane.width[0]])
                 pieces.append(Piece(None, curve, width, number == len(route.approach)))
@@ -142,6 +148,13 @@ class MapSource:
     def approach_heading(self, route: RouteSource) -> float:
         """The heading in which the route reaches the junction [rad]."""
         return _heading_in(self.lanes[route.approach[-1]])
+
+
+def _joined(before: Lane, inside: Points, lane: Lane) -> Points:
+    """A way inside the junction, its ends moved to the end of the lane before and the begin of the one behind."""
+    share = (along(inside) / along(inside)[-1])[:, None]
+    begin, end = before.points[-1] - inside[0], lane.points[0] - inside[-1]
+    return np.asarray(inside + (1.0 - share) * begin + share * end)
 
 
 def _heading_in(lane: Lane) -> float:
@@ -201,7 +214,7 @@ def _points(where: str, value: Any, least: int, most: int | None = None) -> Poin
     if points.ndim != 2 or points.shape[1] != 2 or len(points) < least or (most and len(points) > most):
         raise ValueError(f"{where} must be at least {least} points [x, y], not an array of shape {points.shape}")
     if not np.isfinite(points).all() or (np.linalg.norm(np.diff(points, axis=0), axis=1) < 1e-3).any():
-        raise ValueError(f"{where} must hold finite points, each apart from the one before")
+        raise ValueError(f"{where} must hold finite points in metres, each apart from the one before")
     far = np.flatnonzero((np.abs(points) > LARGEST).any(axis=1))
     if len(far):
         x, y = points[far[0]]
@@ -219,8 +232,8 @@ def _positive(where: str, value: Any) -> float:
 
 def _arm(key: str, value: Any) -> Arm:
     where = f'arm "{key}"'
-    if not _is_word(key) or "-" in key:
-        raise ValueError(f'{where} must be named by one word without "-": routes are named "SW-NE"')
+    if not _is_word(key) or "-" in key or "." in key:
+        raise ValueError(f'{where} must be named by one word without "-" and ".": routes are named "SW-NE", "SW-NE.2"')
     _check_object(where, value, ("right_of_way", "speed_limit_kmh"))
     right = value.get("right_of_way")
     if right not in RIGHTS_OF_WAY:
@@ -250,14 +263,39 @@ def _stop_line(key: str, value: Any, lanes: dict[str, Lane]) -> Points:
 
 def _route(key: str, value: Any, arms: dict[str, Arm], lanes: dict[str, Lane]) -> RouteSource:
     entry, dash, leave = key.partition("-")
-    if not dash or entry not in arms or leave not in arms or entry == leave:
-        raise ValueError(f'route "{key}" must be named by two arms, as "SW-NE"; arms: {", ".join(arms)}')
-    _check_object(f'route "{key}"', value, ("approach", "exit"))
+    leave, dot, number = leave.partition(".")
+    if not dash or entry not in arms or leave not in arms or entry == leave or (dot and not number.isdecimal()):
+        raise ValueError(
+            f'route "{key}" must be named by two arms, as "SW-NE", or "SW-NE.2" beside it; arms: {", ".join(arms)}'
+        )
+    _check_object(f'route "{key}"', value, ("approach", "inside", "exit"))
     for part in ("approach", "exit"):
         names = value.get(part)
         if not isinstance(names, list) or not names or not all(isinstance(one, str) and one in lanes for one in names):
-            raise ValueError(f'route "{key}": "{part}" must be a list of lanes, not {names!r}')
-    return RouteSource(key, entry, leave, tuple(value["approach"]), tuple(value["exit"]))
+            words = [one for one in names if isinstance(one, str)] if isinstance(names, list) else []
+            unknown = [one for one in words if one not in lanes]
+            what = f"there is no lane {unknown[0]!r} in" if unknown else "not"
+            raise ValueError(f'route "{key}": "{part}" must be a list of lanes, {what} {names!r}')
+    inside = _points(f'route "{key}": "inside"', value["inside"], 2) if "inside" in value else None
+    return RouteSource(key, entry, leave, tuple(value["approach"]), tuple(value["exit"]), inside)
+
+
+def _check_directions(route: RouteSource, lanes: dict[str, Lane]) -> None:
+    """Refuses a lane that is drawn from its end to its begin, as seen from the one before or behind."""
+    names = route.approach + route.leaving
+    if len(set(names)) < len(names):
+        return  # the compiler refuses it
+    ways = [(f'lane "{name}"', lanes[name].points) for name in names]
+    if route.inside is not None:
+        ways.insert(len(route.approach), ('"inside"', route.inside))
+    for (one, before), (other, after) in pairwise(ways):
+        gap = np.linalg.norm(after[0] - before[-1])
+        for name, turned in ((one, after[0] - before[0]), (other, after[-1] - before[-1])):
+            if np.linalg.norm(turned) < gap:
+                raise ValueError(
+                    f'route "{route.id}": {name} is drawn backwards, or {one} and {other} do not follow each other:'
+                    f" {gap:.1f} m lie between them, and {np.linalg.norm(turned):.1f} m if it were turned"
+                )
 
 
 def _locations(value: Any) -> tuple[int, ...]:

@@ -254,8 +254,16 @@ def test_track_without_rows_is_named(folder: Path) -> None:
 
 
 def test_unknown_class_is_named(folder: Path) -> None:
-    edit_cell(folder / "07_tracksMeta.csv", 3, "class", "tram")
-    refused(folder, "07_tracksMeta.csv, line 3", 'class is "tram"', "car, truck_bus, bicycle, pedestrian")
+    edit_cell(folder / "07_tracksMeta.csv", 3, "class", "raft")
+    refused(folder, "07_tracksMeta.csv, line 3", 'class is "raft"', "car, van", "truck_bus", "bicycle, pedestrian")
+
+
+@pytest.mark.parametrize(
+    ("word", "known"), [("van", "car"), ("motorcycle", "car"), ("bus", "truck_bus"), ("trailer", "truck_bus")]
+)
+def test_class_of_other_data_sets_has_its_place(folder: Path, word: str, known: str) -> None:
+    edit_cell(folder / "07_tracksMeta.csv", 2, "class", word)
+    assert read_recording(folder, "07").road_user[0] == known
 
 
 @pytest.mark.parametrize("rate", ["24", "29.97", "0", "-25"])

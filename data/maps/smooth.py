@@ -1,0 +1,51 @@
+"""Centrelines of lanelets, smoothed and thinned to the points that tell."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from data.maps.lanelets import LaneMap
+from intersection_env.maps.curve import Points, along
+
+GRID = 0.5  # [m], ours: between the points that are smoothed
+SPREAD = 1.5  # [m], ours: standard deviation of the smoothing; bounds are drawn with kinks
+EXACT = 0.03  # [m], ours: points of a line that deviate less are left out
+
+
+def polyline(lane_map: LaneMap, ids: Sequence[str]) -> tuple[Points, NDArray[np.float64]]:
+    """The smoothed centreline along some lanelets (point, 2) and the width there (point,) [m]; both ends stay."""
+    parts = [lane_map.lanelets[id].centre() for id in ids]
+    points = np.concatenate([part[0] for part in parts])
+    width = np.concatenate([part[1] for part in parts])
+    kept = np.r_[True, np.linalg.norm(np.diff(points, axis=0), axis=1) > 1e-3]
+    points, width = points[kept], width[kept]
+    way = along(points)
+    grid = np.linspace(0.0, way[-1], max(2, round(way[-1] / GRID) + 1))
+    columns = np.column_stack([np.interp(grid, way, column) for column in (*points.T, width)])
+    return _smoothed(columns[:, :2]), columns[:, 2]
+
+
+def telling(points: Points, width: NDArray[np.float64]) -> tuple[Points, NDArray[np.float64]]:
+    """The points without which the line would be another, and the width there."""
+    line = shapely.simplify(shapely.LineString(points), EXACT)
+    kept = shapely.get_coordinates(line)
+    place = shapely.line_locate_point(shapely.LineString(points), shapely.points(kept))
+    return kept, np.asarray(np.interp(place, along(points), width))
+
+
+def _smoothed(points: Points) -> Points:
+    """A Gaussian mean of the points; near the ends of the line turned by half, so that ends and headings stay."""
+    reach = min(round(3.0 * SPREAD / GRID), len(points) - 1)
+    if reach < 1:
+        return points
+    offset = np.arange(-reach, reach + 1)
+    weight = np.exp(-0.5 * (offset * GRID / SPREAD) ** 2)
+    begin = 2.0 * points[0] - points[reach:0:-1]
+    end = 2.0 * points[-1] - points[-2 : -2 - reach : -1]
+    longer = np.concatenate([begin, points, end])
+    columns = [np.convolve(column, weight / weight.sum(), mode="valid") for column in longer.T]
+    return np.stack(columns, axis=1)

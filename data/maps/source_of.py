@@ -1,0 +1,214 @@
+"""A map of lanes and one of its junctions to a map source, with what was guessed and what was left out."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from data.maps.arms import ArmLanes, find_arms
+from data.maps.junction import Circle, chosen, cut_at_junction, junctions, meetings
+from data.maps.lanelets import LaneMap
+from data.maps.paths import Way, find_paths
+from data.maps.right_of_way import rights_of_arms, yields_by_rule
+from data.maps.room import length_of, with_room
+from data.maps.smooth import polyline, telling
+from data.maps.stop_lines import with_stop_lines
+from intersection_env.maps.compiler import Encounter, encounters
+from intersection_env.maps.source import FORMAT, VERSION, Arm, Lane, MapSource, RouteSource
+
+LIMIT = 50.0  # [km/h], ours: guessed where the map says none
+SHORT = 20.0  # [m], ours: an approach shorter than this leaves no room for who waits there
+
+
+@dataclass
+class Imported:
+    """A map source and how it came about.
+
+    guessed: what the file does not say, a line each, for a person to check. counts: what was left out, by reason.
+    """
+
+    source: MapSource
+    circle: Circle
+    guessed: list[str] = field(default_factory=list)
+    counts: Counter[str] = field(default_factory=Counter)
+
+    def content(self, about: str) -> dict[str, Any]:
+        """The source as its file holds it."""
+        source = self.source
+        routes: dict[str, dict[str, Any]] = {}
+        for one in source.routes:
+            routes[one.id] = {"approach": list(one.approach), "exit": list(one.leaving)}
+            if one.inside is not None:
+                routes[one.id]["inside"] = rounded(one.inside)
+        return {
+            "format": FORMAT,
+            "version": VERSION,
+            "name": source.name,
+            "about": about,
+            "locations": list(source.locations),
+            "arms": {
+                name: {"right_of_way": arm.right_of_way, "speed_limit_kmh": round(3.6 * arm.speed_limit, 1)}
+                for name, arm in source.arms.items()
+            },
+            "lanes": {
+                name: {"width": np.round(lane.width, 2).tolist(), "points": rounded(lane.points)}
+                for name, lane in source.lanes.items()
+            },
+            "stop_lines": {name: rounded(line) for name, line in source.stop_lines.items()},
+            "routes": routes,
+            "yields": [list(pair) for pair in sorted(source.yields)],
+        }
+
+
+def rounded(points: Any) -> list[list[float]]:
+    """Points to the centimetre."""
+    rows: list[list[float]] = (np.round(points, 2) + 0.0).tolist()
+    return rows
+
+
+def source_of(lane_map: LaneMap, name: str, around: Circle | None, locations: Sequence[int] = ()) -> Imported:
+    """The junction found, or the one around a circle, as a map source that compiles.
+
+    Raises:
+        ValueError: no junction is found, several are and none is chosen, or no lane leads through it.
+    """
+    circle = chosen(junctions(meetings(lane_map)), around)
+    lane_map, inside = cut_at_junction(lane_map, circle)
+    counts = Counter({f"lanelet: {why}": count for why, count in lane_map.left_out.items()})
+    counts.update({f"not read: {what}": count for what, count in lane_map.ignored.items()})
+    dropped: Counter[str] = Counter()
+    ways = find_paths(lane_map, circle, inside, dropped)
+    arms = find_arms(lane_map, circle, ways)
+    named = _named(arms, ways, dropped)
+    counts.update({f"way: {why}": count for why, count in dropped.items() if count})
+    guessed = _loose_joints(lane_map, named)
+    rights = rights_of_arms(lane_map, arms, named, guessed)
+    limits = {arm.name: _limit(lane_map, arm, named, guessed) for arm in arms}
+    lanes, routes = _lanes(lane_map, arms, named)
+    used = {route.entry for route in routes} | {route.exit for route in routes}
+    by_name = {arm.name: Arm(rights[arm.name], limits[arm.name]) for arm in arms if arm.name in used}
+    source = MapSource(name, tuple(locations), by_name, lanes, {}, tuple(routes), frozenset())
+    source = with_room(source, guessed)
+    source = with_stop_lines(source, lane_map, named, guessed)
+    source = _decided(source, lane_map, named, guessed)
+    guessed += [
+        f'lane "{one}": only {length_of(source.lanes[one]):.0f} m before the junction: too short for who queues there'
+        for one in dict.fromkeys(route.approach[0] for route in source.routes)
+        if len(_chain(source, one)) == 1 and length_of(source.lanes[one]) < SHORT
+    ]
+    return Imported(source, circle, guessed, counts)
+
+
+def _loose_joints(lane_map: LaneMap, ways: Mapping[str, Way]) -> list[str]:
+    """Where ways lead over joints that the map does not draw."""
+    found: dict[tuple[str, str], list[str]] = {}
+    for id, way in ways.items():
+        chain = [one.rstrip("+") for one in (*way.approach, *way.inside, *way.leaving)]
+        for pair in pairwise(chain):
+            if pair in lane_map.loose:
+                found.setdefault(pair, []).append(id)
+    return [
+        f"lanelet {one} leads into {other}, though only one of their bounds does (routes {', '.join(ids)})"
+        for (one, other), ids in found.items()
+    ]
+
+
+def _named(arms: Sequence[ArmLanes], ways: Sequence[Way], dropped: Counter[str]) -> dict[str, Way]:
+    """The ways by route id: "W-E", and "W-E.2" for the next one to the left; U-turns are left out."""
+    entry = {id: (arm.name, place) for arm in arms for place, id in enumerate(arm.approaches)}
+    leave = {id: (arm.name, place) for arm in arms for place, id in enumerate(arm.exits)}
+    found: dict[str, Way] = {}
+    for way in sorted(ways, key=lambda one: (entry[one.approach[-1]], leave[one.leaving[0]])):
+        a, b = entry[way.approach[-1]][0], leave[way.leaving[0]][0]
+        if a == b:
+            dropped["turns back into its own arm"] += 1
+            continue
+        same = sum(id == f"{a}-{b}" or id.startswith(f"{a}-{b}.") for id in found)
+        found[f"{a}-{b}.{same + 1}" if same else f"{a}-{b}"] = way
+    return found
+
+
+def _limit(lane_map: LaneMap, arm: ArmLanes, ways: Mapping[str, Way], guessed: list[str]) -> float:
+    """An arm's speed limit [m/s]: the highest of its lanes."""
+    ids = {id for name, way in ways.items() if name.partition("-")[0] == arm.name for id in way.approach}
+    ids |= {id for way in ways.values() if way.leaving[0] in arm.exits for id in way.leaving}
+    limits = [limit for id in sorted(ids) if (limit := lane_map.lanelets[id].speed_limit) is not None]
+    if limits:
+        return max(limits)
+    guessed.append(f'arm "{arm.name}": {LIMIT:g} km/h, for the file says no limit')
+    return LIMIT / 3.6
+
+
+def _lanes(
+    lane_map: LaneMap, arms: Sequence[ArmLanes], ways: Mapping[str, Way]
+) -> tuple[dict[str, Lane], list[RouteSource]]:
+    """Lanes and routes of the source. Lanelets that always follow each other become one lane."""
+    entry = {id: arm.name for arm in arms for id in arm.approaches}
+    leave = {id: arm.name for arm in arms for id in arm.exits}
+    lanes: dict[str, Lane] = {}
+    names: dict[tuple[str, ...], str] = {}
+    chains = {way.approach for way in ways.values()} | {way.leaving for way in ways.values()}
+    parts = {chain: _parts(chain, chains) for chain in sorted(chains)}
+
+    def named(chain: tuple[str, ...], arm: str, direction: str) -> tuple[str, ...]:
+        for part in parts[chain]:
+            if part not in names:
+                count = sum(one.startswith(f"{arm}_{direction}") for one in lanes)
+                names[part] = f"{arm}_{direction}" if not count else f"{arm}_{direction}{count + 1}"
+                lanes[names[part]] = Lane(*telling(*polyline(lane_map, part)))
+        return tuple(names[part] for part in parts[chain])
+
+    routes = []
+    for id, way in ways.items():
+        approach = named(way.approach, entry[way.approach[-1]], "in")
+        leaving = named(way.leaving, leave[way.leaving[0]], "out")
+        inside = telling(*polyline(lane_map, way.inside))[0]
+        arm = entry[way.approach[-1]], leave[way.leaving[0]]
+        routes.append(RouteSource(id, *arm, approach, leaving, inside))
+    return lanes, routes
+
+
+def _parts(chain: tuple[str, ...], chains: set[tuple[str, ...]]) -> tuple[tuple[str, ...], ...]:
+    """The chain, cut where another one leaves or ends: each part is in a chain whole or not at all."""
+    parts: list[list[str]] = []
+    before: set[tuple[str, ...]] = set()
+    for id in chain:
+        users = {one for one in chains if id in one}
+        if parts and users == before:
+            parts[-1].append(id)
+        else:
+            parts.append([id])
+        before = users
+    return tuple(map(tuple, parts))
+
+
+def _decided(source: MapSource, lane_map: LaneMap, ways: Mapping[str, Way], guessed: list[str]) -> MapSource:
+    """The source with `yields` for pairs of which the map's rules say otherwise than the arms, or nobody says."""
+    pairs: set[tuple[str, str]] = set()
+    for one in encounters(source):
+        first, second = one.first.id, one.second.id
+        said = yields_by_rule(lane_map, ways[first], ways[second])
+        if said is not None and said != one.first_yields:
+            pairs.add((first, second) if said else (second, first))
+        elif said is None and one.first_yields is None:
+            waits = _who_waits(source, one)
+            pairs.add(waits)
+            guessed.append(f'"{waits[0]}" waits for "{waits[1]}": equal right of way, neither from the right')
+    return replace(source, yields=frozenset(pairs))
+
+
+def _who_waits(source: MapSource, pair: Encounter) -> tuple[str, str]:
+    """Of a pair that no rule orders: who turns waits for who runs straight, else the second for the first."""
+    first, second = pair.first.id, pair.second.id
+    if source.turn(pair.first) != "straight" and source.turn(pair.second) == "straight":
+        return first, second
+    return second, first
+
+
+def _chain(source: MapSource, first: str) -> tuple[str, ...]:
+    return next(route.approach for route in source.routes if route.approach[0] == first)
