@@ -73,6 +73,21 @@ Network<INPUTS> read_network(TextReader& reader, const std::array<std::string_vi
     return network;
 }
 
+Spread read_spread(TextReader& reader) {
+    Spread spread{};
+    std::ranges::copy(reader.floats("spread_shape", Spread::LEVELS), spread.shape.begin());
+    if (!std::ranges::is_sorted(spread.shape)) {
+        reader.fail("the quantiles of a spread must not fall");
+    }
+    for (auto& row : spread.scale) {
+        std::ranges::copy(reader.floats("spread_scale", row.size()), row.begin());
+        if (!std::ranges::all_of(row, [](float scale) { return scale >= 0.0F; })) {
+            reader.fail("the scale of a spread must not be negative");
+        }
+    }
+    return spread;
+}
+
 IdmParameters read_idm(TextReader& reader) {
     const std::vector<float> row = reader.floats("idm", 7);
     if (!std::ranges::all_of(row, [](float value) { return value > 0.0F && value <= NO_CURVES; })) {
@@ -108,7 +123,7 @@ Driver driver_named(std::string_view name) {
 Policy Policy::read(const std::string& path) { return parse(read_file(path), path); }
 
 Policy Policy::parse(std::string text, std::string where) {
-    TextReader reader(std::move(text), std::move(where), "intersection_env policy", 1);
+    TextReader reader(std::move(text), std::move(where), "intersection_env policy", 1, 2);
     Policy policy;
     policy.about = reader.rest_of_line("about");
     const float dt = reader.floats("dt", 1)[0];
@@ -133,6 +148,9 @@ Policy Policy::parse(std::string text, std::string where) {
     }
     if (policy.driver == Driver::network) {
         policy.driving_network = read_network<DRIVING_INPUTS>(reader, DRIVING_FEATURES);
+    }
+    if (reader.version() == 2) {
+        policy.forecast = ForecastModel{read_network<ORDER_INPUTS>(reader, ORDER_FEATURES), read_spread(reader)};
     }
     reader.finish();
     return policy;

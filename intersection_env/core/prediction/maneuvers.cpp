@@ -136,8 +136,8 @@ Ranking rank_maneuvers(const Predictor& predictor, const Traffic& traffic, std::
     std::vector<float> position(frames), speed(frames), acceleration(frames);
     std::vector<std::uint8_t> enters(frames), present(frames);
     ranked.append(batch, 1, {position.data(), speed.data(), acceleration.data(), enters.data(), present.data()});
-    Orders orders(map, traffic, ranking.pairs, cooperative,
-                  crossing_order(map, traffic, ranking.pairs, position.data(), 1));
+    const std::vector<std::int8_t> unhindered = crossing_order(map, traffic, ranking.pairs, position.data(), 1);
+    Orders orders(map, traffic, ranking.pairs, {cooperative, unhindered});
     batch.resize(BATCH * ranking.pairs.size());
     std::size_t remaining = limit.value_or(std::numeric_limits<std::size_t>::max());
     while (const std::size_t found = orders.next(batch.data(), std::min(BATCH, remaining))) {

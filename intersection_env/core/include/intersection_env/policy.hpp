@@ -13,6 +13,7 @@ namespace intersection_env {
 constexpr float DT = 0.2F;                                      // [s], paper, Section IV-B
 constexpr int STEPS = 50;                                       // 10 s
 constexpr int GAP_INPUTS = 4, DRIVING_INPUTS = 12, HIDDEN = 16; // paper, Table III
+constexpr int ORDER_INPUTS = 21;                                // ours
 
 // The inputs of the networks by name and unit, in order; paper, Table I.
 inline constexpr std::array<std::string_view, 4> GAP_FEATURES = {"yielder_distance_to_pga_m", "yielder_speed_mps",
@@ -30,6 +31,30 @@ inline constexpr std::array<std::string_view, 12> DRIVING_FEATURES = {"distance_
                                                                       "lead_speed_mps",
                                                                       "enters"};
 
+// What an order network sees of a pair; ours. Conflict, clear: the begin and the end of the conflict's interval on the
+// vehicle's route, from its front and from its rear. The nearest other foe: of all to whom this one yields.
+inline constexpr std::array<std::string_view, ORDER_INPUTS> ORDER_FEATURES = {"yielder_distance_to_conflict_m",
+                                                                              "yielder_distance_to_clear_m",
+                                                                              "yielder_distance_to_stop_line_m",
+                                                                              "yielder_speed_mps",
+                                                                              "yielder_speed_limit_mps",
+                                                                              "yielder_lead_distance_m",
+                                                                              "yielder_lead_speed_mps",
+                                                                              "yielder_length_m",
+                                                                              "foe_distance_to_conflict_m",
+                                                                              "foe_distance_to_clear_m",
+                                                                              "foe_distance_to_stop_line_m",
+                                                                              "foe_speed_mps",
+                                                                              "foe_speed_limit_mps",
+                                                                              "foe_lead_distance_m",
+                                                                              "foe_lead_speed_mps",
+                                                                              "foe_length_m",
+                                                                              "merging",
+                                                                              "yielder_nearest_other_foe_s",
+                                                                              "yielder_other_foes",
+                                                                              "foe_nearest_foe_s",
+                                                                              "foe_foes"};
+
 // IN/16/16/1; weights row by row (output, input). The input scaling is folded into the first layer.
 template <int INPUTS>
 struct Network {
@@ -40,6 +65,24 @@ struct Network {
 
 using GapNetwork = Network<GAP_INPUTS>;
 using DrivingNetwork = Network<DRIVING_INPUTS>;
+using OrderNetwork = Network<ORDER_INPUTS>;
+
+// How far drivers are from where they are predicted to be under the order that came true, ours: quantiles of the
+// distance at levels 0.05, 0.1, ..., 0.95, in units of a scale [m] that depends on the time ahead (1, 2, ..., 10 s) and
+// on the way predicted until then; linear between both, and 0 now.
+struct Spread {
+    static constexpr std::array<float, 5> WAYS = {0.0F, 5.0F, 15.0F, 40.0F, 80.0F}; // [m]
+    static constexpr int SECONDS = 10, LEVELS = 19;
+
+    std::array<float, LEVELS> shape;
+    std::array<std::array<float, WAYS.size()>, SECONDS> scale;
+};
+
+// What a forecast needs beside who decides and drives.
+struct ForecastModel {
+    OrderNetwork order_network; // tanh; its output is the logit of the yielder going first
+    Spread spread;
+};
 
 enum class Gap : std::uint8_t { critical_gap, sumo, network };
 enum class Driver : std::uint8_t { idm, constant_velocity, network };
@@ -67,6 +110,7 @@ struct Policy {
     float acceleration_scale = 6.0F; // [m/s²] at a driving network's output of 1
     std::optional<GapNetwork> gap_network;
     std::optional<DrivingNetwork> driving_network;
+    std::optional<ForecastModel> forecast; // null: made before there were forecasts, or a rule
 
     // Reads a policy file. Throws FormatError.
     static Policy read(const std::string& path);
