@@ -34,8 +34,6 @@ MOST_MANEUVERS: int = 10000
 
 MOST_COUNTED: int = 20000
 
-SPREAD_WAYS: list = [0.0, 5.0, 15.0, 40.0, 80.0]
-
 SPREAD_LEVELS: int = 19
 
 SPREAD_SECONDS: int = 10
@@ -51,6 +49,9 @@ def driving_features() -> list[str]:
 
 def order_features() -> list[str]:
     """The order network's inputs, by name and unit."""
+
+def spread_ways() -> list[float]:
+    """The ways at which a spread has a scale [m]."""
 
 def multiply_adds(isa: str, rounds: int) -> tuple[int, float]:
     """
@@ -203,7 +204,7 @@ class Predictor:
         position, speed, acceleration, enters, present, time_loss, minimum_distance.
         """
 
-def rank_maneuvers(predictor: Predictor, traffic: Traffic, cooperative: Annotated[NDArray[numpy.uint8], dict(shape=(None,), order='C', device='cpu', writable=False)], limit: int | None) -> tuple[dict[str, Any], int]:
+def rank_maneuvers(predictor: Predictor, traffic: Traffic, cooperative: Annotated[NDArray[numpy.uint8], dict(shape=(None,), order='C', device='cpu', writable=False)], limit: int | None, by_expectation: bool | None) -> tuple[dict[str, Any], int]:
     """
     Every crossing order and no intervention, ranked: columns (maneuver,), priorities (maneuver, pair); and how many orders were left out.
     """

@@ -35,7 +35,10 @@ class OrderSample:
     @property
     def possible(self) -> NDArray[np.bool_]:
         """(order,), those that agree with the recording."""
-        return ((self.orders == self.recorded) | (self.recorded == 0) | (self.orders == 0)).all(axis=1)
+        agrees: NDArray[np.bool_] = ((self.orders == self.recorded) | (self.recorded == 0) | (self.orders == 0)).all(
+            axis=1
+        )
+        return agrees
 
 
 def order_samples(

@@ -16,7 +16,7 @@ from intersection_env.policies.file import PolicyFile, Spread
 from intersection_env.prediction.predictor import Predictor
 from intersection_env.scenes.scenes import Scenes
 
-EVERY = 4.0  # [s] ours: between two moments
+EVERY = 2.0  # [s] ours: between two moments
 LEVELS = np.arange(1, _core.SPREAD_LEVELS + 1) / (_core.SPREAD_LEVELS + 1)
 WITHIN = (0.1, 0.9)  # ours: of the distances, from whose difference their scale is taken
 DEVIATIONS = 2.563  # so many deviations of a normal error lie between these
@@ -24,8 +24,8 @@ LEAST_WEIGHT = 20.0  # ours: of the distances about a knot; with fewer, the next
 LEAST_SCALE = 0.05  # [m] ours
 
 
-def spread_of(policy: PolicyFile, scenes: Scenes | Sequence[Scenes], split: str = "train") -> Spread:
-    """The spread of who drives by this policy.
+def spread_of(policy: PolicyFile, scenes: Scenes | Sequence[Scenes], split: str = "development") -> Spread:
+    """The spread of who drives by this policy, in scenes that it has not learned from.
 
     Raises:
         ValueError: nobody is recorded long enough in these scenes.
@@ -33,7 +33,7 @@ def spread_of(policy: PolicyFile, scenes: Scenes | Sequence[Scenes], split: str 
     second, way, distance = _distances(Predictor(policy, "spread"), scenes, split)
     if not len(distance):
         raise ValueError(f'nobody to measure a spread by in the scenes of split "{split}"')
-    knots = np.asarray(_core.SPREAD_WAYS)
+    knots = np.array(_core.spread_ways())
     scale = np.stack([_scales(way[second == k], distance[second == k], knots) for k in _seconds()])
     unit = np.empty(len(distance))
     for k in _seconds():
@@ -85,4 +85,5 @@ def _scales(way: NDArray[np.float64], distance: NDArray[np.float64], knots: NDAr
     if not len(there):
         return np.full(len(knots), LEAST_SCALE)
     nearest = there[np.abs(np.arange(len(knots))[:, None] - there).argmin(axis=1)]
-    return scales[nearest]
+    found: NDArray[np.float64] = scales[nearest]
+    return found

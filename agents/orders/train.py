@@ -86,7 +86,7 @@ def train_network(
     optimizer = torch.optim.Adam(network.parameters(), lr=settings.learning_rate)
     steps = settings.epochs * len(_batches(train, settings.batch, torch.Generator().manual_seed(0)))
     schedule = torch.optim.lr_scheduler.OneCycleLR(
-        optimizer, settings.learning_rate, steps, RISE, cycle_momentum=False, final_div_factor=1.0 / LAST
+        optimizer, settings.learning_rate, steps, pct_start=RISE, cycle_momentum=False, final_div_factor=1.0 / LAST
     )
     with Epochs("order network", settings.epochs, folder, settings.checkpoint_every, progress) as epochs:
         epochs.resume(network=network, optimizer=optimizer, schedule=schedule, generator=generator)
@@ -111,7 +111,7 @@ def train_network(
 def _batches(samples: Sequence[OrderSample], size: int, generator: torch.Generator) -> list[list[int]]:
     """Rows of the samples at random, each once, such as need little padding together."""
     found = []
-    for chunk in torch.randperm(len(samples), generator=generator).split(size * SORTED):
+    for chunk in torch.split(torch.randperm(len(samples), generator=generator), size * SORTED):
         rows = sorted(chunk.tolist(), key=lambda row: len(samples[row].orders))
         found += [rows[first : first + size] for first in range(0, len(rows), size)]
     return [found[place] for place in torch.randperm(len(found), generator=generator).tolist()]
@@ -142,7 +142,7 @@ def with_forecast(
     Args:
         policy: who decides and drives.
         network: of any policy's training.
-        scenes: those for training count.
+        scenes: those for development count, as drivers spread less in what they have learned from.
         provenance: what the file says about the network, under "orders".
 
     Raises:

@@ -28,8 +28,7 @@ from experiments.show.crossing_order import (
     SUMO_RULE,
     order_table,
 )
-from intersection_env import _core
-from intersection_env.constants import DT, STEPS
+from intersection_env.constants import DT
 from intersection_env.evaluation.errors import Forecaster
 from intersection_env.evaluation.intervals import interval
 from intersection_env.evaluation.moments import HORIZONS, SCORED, Moment

@@ -62,7 +62,8 @@ class Forecast:
 
     def mean_position(self) -> NDArray[np.float64]:
         """(time, vehicle) [m], over the orders: what errs least in the mean square."""
-        return np.einsum("s,stv->tv", self.weight, self.prediction.position.astype(np.float64))
+        mean: NDArray[np.float64] = np.einsum("s,stv->tv", self.weight, self.prediction.position.astype(np.float64))
+        return mean
 
     def position_quantiles(self, levels: ArrayLike = (0.1, 0.5, 0.9)) -> NDArray[np.float32]:
         """(level, time, vehicle) [m]: over the orders, and over what drivers do within one.
@@ -196,7 +197,7 @@ def _average(predictor: Predictor, traffic: Traffic, draws: Sequence[Forecast]) 
     mapped = [_on_pairs(traffic, draw) for draw in draws]
     orders, order = np.unique(np.concatenate([rows for rows, _ in mapped]), axis=0, return_inverse=True)
     each = np.concatenate([draw.probability for draw in draws]) / len(draws)
-    probability = np.bincount(order.ravel(), each, minlength=len(orders))
+    probability = np.bincount(order.ravel(), each, minlength=len(orders)).astype(np.float64)
     rank = np.argsort(-probability, kind="stable")
     place = np.empty(len(rank), np.int64)
     place[rank] = np.arange(len(rank))

@@ -157,7 +157,9 @@ class Predictor:
         """The core's predictor on this map, kept for the next time."""
         bound = self._bound.get(intersection.checksum)
         if bound is None:
-            bound = self._bound[intersection.checksum] = _core.Predictor(intersection.core, self.core_policy, self.threads)
+            bound = self._bound[intersection.checksum] = _core.Predictor(
+                intersection.core, self.core_policy, self.threads
+            )
         return bound
 
     def __repr__(self) -> str:

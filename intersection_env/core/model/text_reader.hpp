@@ -17,8 +17,8 @@ std::string read_file(const std::string& path);
 
 class TextReader {
   public:
-    // Checks the first line ("<magic> <version>", from `oldest` to `newest`) and the checksum in the last line. `where` names
-    // the text in errors.
+    // Checks the first line ("<magic> <version>", from `oldest` to `newest`) and the checksum in the last line. `where`
+    // names the text in errors.
     TextReader(std::string text, std::string where, std::string_view magic, int oldest, int newest);
 
     // Each reads one whole line "<key> <values...>"; an empty key means the line holds values only.

@@ -110,9 +110,9 @@ std::vector<float> Planner::position_quantiles(const Forecast& forecast, std::sp
 }
 
 Ranking Planner::rank(const Traffic& traffic, std::span<const std::uint8_t> cooperative,
-                      std::optional<std::size_t> limit) const {
+                      std::optional<std::size_t> limit, std::optional<RankBy> by) const {
     const std::vector<std::uint8_t> all(cooperative.empty() ? traffic.route.size() : 0, 1);
-    return rank_maneuvers(*predictor_, traffic, cooperative.empty() ? all : cooperative, limit, kernel());
+    return rank_maneuvers(*predictor_, traffic, cooperative.empty() ? all : cooperative, limit, by, kernel());
 }
 
 } // namespace intersection_env

@@ -121,11 +121,14 @@ nb::ndarray<nb::numpy, T> column(const Ranking& ranking, Field Maneuver::* field
 }
 
 std::tuple<Arrays, std::size_t> rank(const Predictor& predictor, const Traffic& traffic,
-                                     const Vector<std::uint8_t>& cooperative, std::optional<std::size_t> limit) {
+                                     const Vector<std::uint8_t>& cooperative, std::optional<std::size_t> limit,
+                                     std::optional<bool> by_expectation) {
+    const auto by =
+        by_expectation ? std::optional(*by_expectation ? RankBy::expectation : RankBy::prediction) : std::nullopt;
     Ranking ranking;
     {
         const nb::gil_scoped_release release;
-        ranking = rank_maneuvers(predictor, traffic, {cooperative.data(), cooperative.size()}, limit, kernel());
+        ranking = rank_maneuvers(predictor, traffic, {cooperative.data(), cooperative.size()}, limit, by, kernel());
     }
     auto priorities = make<std::int8_t>({ranking.maneuvers.size(), ranking.pairs.size()});
     std::copy(ranking.priorities.begin(), ranking.priorities.end(), priorities.data());
@@ -133,6 +136,8 @@ std::tuple<Arrays, std::size_t> rank(const Predictor& predictor, const Traffic& 
     columns["total_time_loss"] = column<double>(ranking, &Maneuver::total_time_loss);
     columns["worst_time_loss"] = column<double>(ranking, &Maneuver::worst_time_loss);
     columns["gain"] = column<double>(ranking, &Maneuver::gain);
+    columns["chance_worthwhile"] = column<double>(ranking, &Maneuver::chance_worthwhile);
+    columns["chance_unsafe"] = column<double>(ranking, &Maneuver::chance_unsafe);
     columns["worth_executing"] = column<bool>(ranking, &Maneuver::worth_executing);
     columns["minimum_distance"] = column<double>(ranking, &Maneuver::minimum_distance);
     columns["followed"] = column<bool>(ranking, &Maneuver::followed);
@@ -265,6 +270,7 @@ void bind_prediction(nb::module_& m) {
              "position, speed, acceleration, enters, present, time_loss, minimum_distance.");
 
     m.def("rank_maneuvers", &rank, "predictor"_a, "traffic"_a, "cooperative"_a.noconvert(), "limit"_a.none(),
+          "by_expectation"_a.none(),
           "Every crossing order and no intervention, ranked: columns (maneuver,), priorities (maneuver, pair); and how "
           "many orders were left out.");
     m.def("order_probabilities", &probabilities, "predictor"_a, "traffic"_a, "given"_a.noconvert(), "mass"_a, "most"_a,

@@ -6,7 +6,7 @@
 #include <span>
 #include <vector>
 
-#include "intersection_env/maneuvers.hpp"
+#include "intersection_env/orders.hpp"
 #include "intersection_env/policy.hpp"
 #include "intersection_env/traffic.hpp"
 

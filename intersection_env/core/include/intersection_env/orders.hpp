@@ -10,6 +10,9 @@
 
 namespace intersection_env {
 
+constexpr std::size_t MOST_MANEUVERS = 10000; // ours: a second's work; a dense traffic can have millions of orders
+constexpr std::size_t MOST_COUNTED = 20000;   // ours: orders left out are counted this far, which takes some 25 ms
+
 // Who precedes whom, closed under transitivity. Vehicles are bits.
 class Precedence {
   public:
@@ -26,10 +29,10 @@ class Precedence {
 
 // Which orders are wanted, and which come first.
 struct OrderSearch {
-    std::span<const std::uint8_t> cooperative;    // one flag a vehicle; pairs without two cooperative ends are left alone
-    std::span<const std::int8_t> preferred;       // one direction a pair, near which to begin
-    std::span<const float> certainty = {};        // one a pair, or none: what is most certain changes last
-    std::span<const std::int8_t> given = {};      // one direction a pair, or none: what all orders hold (0: open)
+    std::span<const std::uint8_t> cooperative; // one flag a vehicle; pairs without two cooperative ends are left alone
+    std::span<const std::int8_t> preferred;    // one direction a pair, near which to begin
+    std::span<const float> certainty = {};     // one a pair, or none: what is most certain changes last
+    std::span<const std::int8_t> given = {};   // one direction a pair, or none: what all orders hold (0: open)
 };
 
 // Streams all crossing orders of a traffic, one int8 a pair: +1 yielder first, -1 prioritized first, 0 left to

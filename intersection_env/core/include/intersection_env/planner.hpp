@@ -83,7 +83,7 @@ class Planner {
     // cooperative: one flag a vehicle; only pairs of two that take instructions are ordered. Empty: all do.
     // Otherwise as rank_maneuvers.
     Ranking rank(const Traffic& traffic, std::span<const std::uint8_t> cooperative = {},
-                 std::optional<std::size_t> limit = MOST_MANEUVERS) const;
+                 std::optional<std::size_t> limit = MOST_MANEUVERS, std::optional<RankBy> by = {}) const;
 
   private:
     std::shared_ptr<const Predictor> predictor_;
