@@ -23,7 +23,7 @@ from experiments.models.lead_across import AcrossPredictor, TorchForecaster
 from experiments.reproduce.rollout_variants import ROLLOUTS, RolloutVariants
 from experiments.reproduce.stages import exit_status_of
 from experiments.reproduce.trainings import Trainings
-from experiments.reproduce.variants import CONSTANT_VELOCITY, STEADY, joint_row, train_variants
+from experiments.reproduce.variants import CONSTANT_VELOCITY, NOT_CHANGED, SHARE, STEADY, joint_row, train_variants
 from experiments.reproduce.workspace import Options, Workspace
 from experiments.results_files import write_result
 from experiments.show.ablations import LEAD_MOMENTS, ablation_tables
@@ -42,6 +42,7 @@ GAP = {
 }
 """Options of `agents.gap.train`, where they are not the default ones."""
 GAIL = {
+    NOT_CHANGED: [],
     "ends of tracks bootstrapped": ["--bootstrap-ends"],
     "PPO's policy not kept on an empty road": ["--kept", "0"],
     "no cloning, nor PPO's policy kept": ["--cloning", "0"],
@@ -55,7 +56,7 @@ GAIL = {
     "from random networks, without PPO": ["--ppo", "None"],
 }
 """Options of `imitation.gail`, where they are not the default ones; {gap} is the gap network's policy file."""
-DEFAULT_GAP, DEFAULT_GAIL = "gap network, nothing changed", "GAIL, nothing changed"
+DEFAULT_GAP, DEFAULT_GAIL = "gap network, nothing changed", "GAIL, all epochs"
 IN_CORE, IN_TORCH, ACROSS = "in one's own lane", "the same, as plain torch operations", "who stands across the path too"
 
 
@@ -107,7 +108,7 @@ class Ablations:
         for name, changed in GAIL.items():
             from_ppo = [] if "--ppo" in changed else start
             commands[runs[name]] = [*common, *from_ppo, *(one.format(gap=gap) for one in changed), "--threads", "1"]
-        train_variants(self.workspace, commands, GAIL_PROFILES["default"][1].epochs)
+        train_variants(self.workspace, commands, GAIL_PROFILES["default"][1].epochs, SHARE)
         unchanged = {f"{DEFAULT_GAIL}, seed {one}": self.workspace.run_of(f"gail_{one}") for one in self.options.seeds}
         return unchanged | runs
 

@@ -10,7 +10,7 @@ from typing import Any
 from agents.networks.driving import DrivingNetwork
 from agents.networks.export import driving_network
 from experiments.measure.horizon import horizon_results
-from experiments.reproduce.variants import CONSTANT_VELOCITY, STEADY, joint_row, train_variants
+from experiments.reproduce.variants import CONSTANT_VELOCITY, NOT_CHANGED, SHARE, STEADY, joint_row, train_variants
 from experiments.reproduce.workspace import Workspace
 from imitation.replay_error import constant_velocity_network, replay_error
 from imitation.rollout_gradient import PROFILES
@@ -22,6 +22,7 @@ from intersection_env.policies.file import PolicyFile
 from intersection_env.prediction.predictor import Predictor
 
 ROLLOUTS = {
+    NOT_CHANGED: [],
     "alone only, no joint rollouts": ["--alone-share", "1.0"],
     "jointly from the first epoch on": ["--alone-share", "0"],
     "joint predictions count three times as much": ["--joint-weight", "3"],
@@ -35,7 +36,7 @@ ROLLOUTS = {
     "beyond 3 m for the gap network too": ["--gap-huber", "3"],
 }
 """Options of `imitation.rollout_gradient`, where they are not the default ones."""
-DEFAULT_ROLLOUTS = "rollout gradient, nothing changed"
+DEFAULT_ROLLOUTS = "rollout gradient, all epochs"
 LEFT_OUT, EVERYWHERE = "left_out", "everywhere"
 
 
@@ -59,7 +60,7 @@ class RolloutVariants:
             commands[run] = self._command([place for place in places if place.name == name])
         for name, run in self.of_others.items():
             commands[run] = self._command([place for place in places if place.name != name])
-        train_variants(self.workspace, commands, PROFILES["default"][1].epochs)
+        train_variants(self.workspace, commands, PROFILES["default"][1].epochs, SHARE)
 
     def _command(self, places: Sequence[Intersection], changed: Sequence[str] = ()) -> list[str]:
         workspace = self.workspace
@@ -84,12 +85,12 @@ class RolloutVariants:
 
     def left_out(self) -> dict[str, Any]:
         """Per place: errors there until last seen, of who did not learn from it and of who learned from all places."""
-        found, (first, *_) = {}, self.workspace.options.seeds
+        found = {}
         for place in self.workspace.all_scenes():
             name = place.intersection.name
             if name in self.of_others:
                 moments, _ = moments_of(place.select("development"))
-                policies = {LEFT_OUT: _policy(self.of_others[name]), EVERYWHERE: _policy(self.unchanged[first])}
+                policies = {LEFT_OUT: _policy(self.of_others[name]), EVERYWHERE: _policy(self.of_options[NOT_CHANGED])}
                 both = {one: errors(Predictor(policy, one), moments) for one, policy in policies.items()}
                 found[name] = horizon_results(both, (EVERYWHERE,))[UNTIL_LAST_SEEN]
         return found

@@ -16,19 +16,24 @@ from intersection_env.evaluation.moments import Moment
 from intersection_env.policies.file import PolicyFile
 from intersection_env.prediction.predictor import Predictor
 
+SHARE = 0.5  # ours: of a driver's epochs, what was not changed included; else the ablations take five hours
+NOT_CHANGED = "nothing changed"
 CONSTANT_VELOCITY = "constant velocity"
 STEADY = Predictor(PolicyFile("critical_gap", "constant_velocity"), CONSTANT_VELOCITY)
 
 
-def train_variants(workspace: Workspace, commands: Mapping[Path, Sequence[str]], epochs: int) -> None:
+def train_variants(
+    workspace: Workspace, commands: Mapping[Path, Sequence[str]], epochs: int, share: float = 1.0
+) -> None:
     """Trains those that have not been trained.
 
     Args:
         workspace: whose effort counts.
         commands: run folder to the arguments of `python -m`, without what all trainings are told.
         epochs: of a whole training.
+        share: of these, that a variant has.
     """
-    wanted = workspace.epochs(epochs)
+    wanted = workspace.epochs(round(share * epochs))
     common = ["--epochs", str(wanted), "--resume"]
     trainings = {run: [*command, *common, "--run", str(run)] for run, command in commands.items()}
     run_trainings(trainings, wanted, os.cpu_count() or 1)

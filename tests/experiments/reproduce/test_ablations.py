@@ -19,7 +19,7 @@ from experiments.models import lead_across
 from experiments.reproduce import ablations, variants
 from experiments.reproduce.ablations import DEFAULT_GAIL, DEFAULT_GAP, GAIL, GAP, Ablations
 from experiments.reproduce.rollout_variants import DEFAULT_ROLLOUTS, ROLLOUTS, RolloutVariants
-from experiments.reproduce.variants import CONSTANT_VELOCITY
+from experiments.reproduce.variants import CONSTANT_VELOCITY, SHARE
 from experiments.reproduce.workspace import Options, Workspace
 from experiments.show.ablations import ablation_tables, gail_table, gap_table, lead_table, left_out_table, rollout_table
 from imitation.gail import PROFILES as GAIL_PROFILES
@@ -120,14 +120,15 @@ def test_variants_change_what_they_say_and_nothing_else(workspace: Workspace, mo
     assert all(one == {**default, "noise": one["noise"]} for one in gaps)
     drivers = [settings(GAIL_PROFILES, one) for one in commands if one[0] == "imitation.gail"]
     start = ["--ppo", str(workspace.run_of("ppo_5")), "--decider", str(workspace.policy("gap")), "--seed", "5"]
-    default = settings(GAIL_PROFILES, ["imitation.gail", "default", *start])
+    half = ["--epochs", str(round(SHARE * GAIL_PROFILES["default"][1].epochs))]
+    default = settings(GAIL_PROFILES, ["imitation.gail", "default", *start, *half])
     changed = [{key for key in one if one[key] != default[key]} for one in drivers]
     assert changed == [
-        *({"bootstrap_ends"}, {"kept"}, {"cloning"}, *[{"discriminator"}] * 4),
+        *(set(), {"bootstrap_ends"}, {"kept"}, {"cloning"}, *[{"discriminator"}] * 4),
         *({"last_sigma"}, {"update"}, {"gap"}, {"ppo"}),
     ]
     whole = default["discriminator"]
-    parts = [{key: part for key, part in one["discriminator"].items() if part != whole[key]} for one in drivers[3:7]]
+    parts = [{key: part for key, part in one["discriminator"].items() if part != whole[key]} for one in drivers[4:8]]
     assert parts == [
         {"minibatches": 1},
         {"gradient_penalty": 1.0},
@@ -136,10 +137,12 @@ def test_variants_change_what_they_say_and_nothing_else(workspace: Workspace, mo
     ]
     assert drivers[-1]["ppo"] is None
     rollouts = [settings(ROLLOUT_PROFILES, one) for one in commands if one[0] == "imitation.rollout_gradient"]
+    half = ["--epochs", str(round(SHARE * ROLLOUT_PROFILES["default"][1].epochs))]
     start = ["--decider", str(workspace.policy("gap")), "--teacher", str(workspace.policy("idm_calibrated"))]
-    default = settings(ROLLOUT_PROFILES, ["imitation.rollout_gradient", "default", *start, "--seed", "5"])
+    default = settings(ROLLOUT_PROFILES, ["imitation.rollout_gradient", "default", *start, *half, "--seed", "5"])
     changes = [{key: one[key] for key in one if one[key] != default[key]} for one in rollouts]
     assert changes == [
+        {},
         {"alone_share": 1.0},
         {"alone_share": 0.0},
         {"joint_weight": 3.0},
