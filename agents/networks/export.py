@@ -35,8 +35,9 @@ def driving_policy(gap: PolicyFile, driver: DrivingNetwork, about: Mapping[str, 
 
 
 def gap_hash(gap: PolicyFile) -> str:
-    """SHA-256 of what decides about gaps, whatever the file says about itself."""
-    return hashlib.sha256(dataclasses.replace(gap, about={}).text().encode()).hexdigest()
+    """SHA-256 of what decides about gaps, whatever the file says about itself and holds for forecasts."""
+    plain = dataclasses.replace(gap, about={}, order_network=None, spread=None)
+    return hashlib.sha256(plain.text().encode()).hexdigest()
 
 
 def network_weights(network: GapNetwork | DrivingNetwork | OrderNetwork) -> NetworkWeights:
