@@ -34,12 +34,14 @@ def spread_of(policy: PolicyFile, scenes: Scenes | Sequence[Scenes], split: str 
     if not len(distance):
         raise ValueError(f'nobody to measure a spread by in the scenes of split "{split}"')
     knots = np.array(_core.spread_ways())
-    scale = np.stack([_scales(way[second == k], distance[second == k], knots) for k in _seconds()])
-    unit = np.empty(len(distance))
+    scales, shapes = [], []
     for k in _seconds():
         own = second == k
-        unit[own] = distance[own] / np.interp(way[own], knots, scale[k - 1])
-    return Spread(np.quantile(unit, LEVELS).astype(np.float32), scale.astype(np.float32))
+        scale = _scales(way[own], distance[own], knots)
+        unit = distance[own] / np.interp(way[own], knots, scale)
+        scales.append(scale)
+        shapes.append(np.quantile(unit, LEVELS) if len(unit) else np.zeros(len(LEVELS)))
+    return Spread(np.array(scales, np.float32), np.array(shapes, np.float32))
 
 
 def _seconds() -> range:

@@ -59,12 +59,12 @@ class IdmParameters:
 class Spread:
     """How far drivers are from where they are predicted to be under the order that came true.
 
-    shape: (19,) float32, quantiles at levels 0.05, 0.1, ..., 0.95, in units of the scale; they do not fall.
     scale: (10, 5) float32 [m], at 1, 2, ..., 10 s, where the predicted way until then is 0, 5, 15, 40 and 80 m.
+    shape: (10, 19) float32, quantiles at levels 0.05, 0.1, ..., 0.95, in units of the scale; they do not fall.
     """
 
-    shape: NDArray[np.float32]
     scale: NDArray[np.float32]
+    shape: NDArray[np.float32]
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,8 +132,8 @@ class PolicyFile:
             lines += _network_lines(DRIVING_FEATURES, self.driving_network)
         if self.order_network is not None and self.spread is not None:
             lines += _network_lines(ORDER_FEATURES, self.order_network)
-            lines.append(f"spread_shape {_numbers(self.spread.shape)}")
-            lines += [f"spread_scale {_numbers(row)}" for row in self.spread.scale]
+            for scale, shape in zip(self.spread.scale, self.spread.shape, strict=True):
+                lines += [f"spread_scale {_numbers(scale)}", f"spread_shape {_numbers(shape)}"]
         body = "\n".join(lines) + "\n"
         return f"{body}checksum {zlib.crc32(body.encode()):08x}\n"
 
@@ -158,9 +158,8 @@ def _network_lines(features: Sequence[str], network: NetworkWeights) -> list[str
 
 
 def _spread_from(lines: Iterator[str]) -> Spread:
-    shape = np.array(next(lines).split(" ")[1:], dtype=np.float32)
-    scale = [next(lines).split(" ")[1:] for _ in range(_core.SPREAD_SECONDS)]
-    return Spread(shape, np.array(scale, dtype=np.float32))
+    rows = [next(lines).split(" ")[1:] for _ in range(2 * _core.SPREAD_SECONDS)]
+    return Spread(np.array(rows[::2], dtype=np.float32), np.array(rows[1::2], dtype=np.float32))
 
 
 def _network_from(lines: Iterator[str], inputs: int) -> NetworkWeights:

@@ -75,14 +75,14 @@ Network<INPUTS> read_network(TextReader& reader, const std::array<std::string_vi
 
 Spread read_spread(TextReader& reader) {
     Spread spread{};
-    std::ranges::copy(reader.floats("spread_shape", Spread::LEVELS), spread.shape.begin());
-    if (!std::ranges::is_sorted(spread.shape)) {
-        reader.fail("the quantiles of a spread must not fall");
-    }
-    for (auto& row : spread.scale) {
-        std::ranges::copy(reader.floats("spread_scale", row.size()), row.begin());
-        if (!std::ranges::all_of(row, [](float scale) { return scale >= 0.0F; })) {
+    for (Spread::Second& second : spread.seconds) {
+        std::ranges::copy(reader.floats("spread_scale", second.scale.size()), second.scale.begin());
+        if (!std::ranges::all_of(second.scale, [](float scale) { return scale >= 0.0F; })) {
             reader.fail("the scale of a spread must not be negative");
+        }
+        std::ranges::copy(reader.floats("spread_shape", second.shape.size()), second.shape.begin());
+        if (!std::ranges::is_sorted(second.shape)) {
+            reader.fail("the quantiles of a spread must not fall");
         }
     }
     return spread;

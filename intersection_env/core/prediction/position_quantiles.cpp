@@ -13,29 +13,36 @@ constexpr int STEPS_A_SECOND = 5;
 
 std::size_t at(int index) { return static_cast<std::size_t>(index); }
 
-// The scale of a spread for a way predicted in so many seconds [m].
-float along_way(const Spread& spread, int second, float way) {
-    if (second == 0) {
-        return 0.0F;
-    }
-    const auto& row = spread.scale[at(second - 1)];
+using Distances = std::array<float, Spread::LEVELS>; // [m]
+
+// The scale for a way predicted until then [m].
+float scale_of(const Spread::Second& second, float way) {
     const auto beyond = std::ranges::upper_bound(Spread::WAYS, way);
     if (beyond == Spread::WAYS.end()) {
-        return row.back();
+        return second.scale.back();
     }
     const std::size_t k = std::max<std::size_t>(static_cast<std::size_t>(beyond - Spread::WAYS.begin()), 1);
     const float share = (way - Spread::WAYS[k - 1]) / (Spread::WAYS[k] - Spread::WAYS[k - 1]);
-    return row[k - 1] + share * (row[k] - row[k - 1]);
+    return second.scale[k - 1] + share * (second.scale[k] - second.scale[k - 1]);
 }
 
-float scale(const Spread& spread, int step, float way) {
-    const int second = step / STEPS_A_SECOND;
-    const float before = along_way(spread, second, way);
-    if (step % STEPS_A_SECOND == 0) {
-        return before;
-    }
+// How far whoever is predicted to drive a way until a step may be from there.
+Distances distances(const Spread& spread, int step, float way) {
+    const int before = step / STEPS_A_SECOND;
     const float share = static_cast<float>(step % STEPS_A_SECOND) / STEPS_A_SECOND;
-    return before + share * (along_way(spread, second + 1, way) - before);
+    Distances result{};
+    const auto add = [&](int second, float weight) {
+        if (second > 0 && weight > 0.0F) {
+            const Spread::Second& own = spread.seconds[at(second - 1)];
+            const float unit = weight * scale_of(own, way);
+            for (std::size_t l = 0; l < result.size(); ++l) {
+                result[l] += unit * own.shape[l];
+            }
+        }
+    };
+    add(before, 1.0F - share);
+    add(before + 1, share);
+    return result;
 }
 
 using Weighted = std::pair<float, double>; // where, and how probable
@@ -58,9 +65,8 @@ std::vector<float> position_quantiles(const Spread& spread, std::span<const doub
             double sum = 0.0;
             for (std::size_t o = 0; o < probability.size(); ++o) {
                 const float now = position[o * scenario + i], then = position[o * scenario + at(step) * frame + i];
-                const float unit = scale(spread, step, then - now);
-                for (const float quantile : spread.shape) {
-                    places.emplace_back(std::max(then + unit * quantile, now), probability[o]);
+                for (const float distance : distances(spread, step, then - now)) {
+                    places.emplace_back(std::max(then + distance, now), probability[o]);
                     sum += probability[o];
                 }
             }

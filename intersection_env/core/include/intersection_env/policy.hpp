@@ -67,15 +67,18 @@ using GapNetwork = Network<GAP_INPUTS>;
 using DrivingNetwork = Network<DRIVING_INPUTS>;
 using OrderNetwork = Network<ORDER_INPUTS>;
 
-// How far drivers are from where they are predicted to be under the order that came true, ours: quantiles of the
-// distance at levels 0.05, 0.1, ..., 0.95, in units of a scale [m] that depends on the time ahead (1, 2, ..., 10 s) and
-// on the way predicted until then; linear between both, and 0 now.
+// How far drivers are from where they are predicted to be under the order that came true, ours: for each second ahead
+// quantiles of the distance at levels 0.05, 0.1, ..., 0.95, in units of a scale [m] that depends on the way predicted
+// until then. Linear between ways and seconds, and 0 now.
 struct Spread {
     static constexpr std::array<float, 5> WAYS = {0.0F, 5.0F, 15.0F, 40.0F, 80.0F}; // [m]
     static constexpr int SECONDS = 10, LEVELS = 19;
 
-    std::array<float, LEVELS> shape;
-    std::array<std::array<float, WAYS.size()>, SECONDS> scale;
+    struct Second {
+        std::array<float, WAYS.size()> scale;
+        std::array<float, LEVELS> shape;
+    };
+    std::array<Second, SECONDS> seconds;
 };
 
 // What a forecast needs beside who decides and drives.
