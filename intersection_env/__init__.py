@@ -10,6 +10,7 @@ from intersection_env.envs.closed_loop import ClosedLoop, env, parallel_env
 from intersection_env.envs.replay import Replay
 from intersection_env.envs.replay_vector import ReplayVector
 from intersection_env.maps.intersection import Intersection
+from intersection_env.prediction.forecast import Forecast, Noise, forecast
 from intersection_env.prediction.maneuvers import crossing_orders, rank_maneuvers
 from intersection_env.prediction.predictor import Observation, Prediction, Predictor, Summary
 from intersection_env.scenes.scene import Scene
@@ -21,7 +22,9 @@ from intersection_env.worlds.replay import ReplayWorlds
 __all__ = [
     "ClosedLoop",
     "ClosedLoopWorlds",
+    "Forecast",
     "Intersection",
+    "Noise",
     "Observation",
     "Prediction",
     "Predictor",
@@ -35,6 +38,7 @@ __all__ = [
     "Vehicle",
     "crossing_orders",
     "env",
+    "forecast",
     "parallel_env",
     "rank_maneuvers",
 ]

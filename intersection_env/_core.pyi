@@ -34,6 +34,10 @@ MOST_MANEUVERS: int = 10000
 
 MOST_COUNTED: int = 20000
 
+SPREAD_LEVELS: int = 19
+
+SPREAD_SECONDS: int = 10
+
 def available_kernels() -> list[str]:
     """The instruction sets of this machine's kernels, best last."""
 
@@ -42,6 +46,12 @@ def gap_features() -> list[str]:
 
 def driving_features() -> list[str]:
     """The driving network's inputs, by name and unit."""
+
+def order_features() -> list[str]:
+    """The order network's inputs, by name and unit."""
+
+def spread_ways() -> list[float]:
+    """The ways at which a spread has a scale [m]."""
 
 def multiply_adds(isa: str, rounds: int) -> tuple[int, float]:
     """
@@ -173,6 +183,13 @@ class Policy:
     def evaluate_gap(self, features: Annotated[NDArray[numpy.float32], dict(shape=(None, None), order='C', device='cpu', writable=False)]) -> NDArray[numpy.float32]:
         """(row,): logits of accepting the gap."""
 
+    @property
+    def can_forecast(self) -> bool:
+        """Whether it holds an order network and a spread."""
+
+    def evaluate_order(self, features: Annotated[NDArray[numpy.float32], dict(shape=(None, None), order='C', device='cpu', writable=False)]) -> NDArray[numpy.float32]:
+        """(row,): logits of the yielder going first."""
+
     def evaluate_driving(self, features: Annotated[NDArray[numpy.float32], dict(shape=(None, None), order='C', device='cpu', writable=False)]) -> NDArray[numpy.float32]:
         """(row,): the driving network's output before its last tanh."""
 
@@ -184,15 +201,26 @@ class Predictor:
         driving (vehicle, 12) and gap (pair, 4) features, and which pairs' gaps are accepted (pair,).
         """
 
+    def observe_orders(self, traffic: Traffic) -> NDArray[numpy.float32]:
+        """(pair, 21): what an order network sees."""
+
     def predict(self, traffic: Traffic, assignments: Annotated[NDArray[numpy.int8], dict(shape=(None, None), order='C', device='cpu', writable=False)], trajectories: bool, safety: bool, decisions: Annotated[NDArray[numpy.uint8], dict(shape=(None, None, None), order='C', writable=False)] | None = None, isa: str | None = None) -> tuple[NDArray[numpy.float32], NDArray[numpy.float32], NDArray[numpy.float32], NDArray[numpy.uint8], NDArray[numpy.uint8], NDArray[numpy.float32], NDArray[numpy.float32], NDArray[numpy.int16], NDArray[numpy.int8]]:
         """
         position, speed, acceleration, enters, present, time_loss, minimum_distance, hold, completed assignments.
         """
 
-def rank_maneuvers(predictor: Predictor, traffic: Traffic, cooperative: Annotated[NDArray[numpy.uint8], dict(shape=(None,), order='C', device='cpu', writable=False)], limit: int | None) -> tuple[dict[str, Any], int]:
+def rank_maneuvers(predictor: Predictor, traffic: Traffic, cooperative: Annotated[NDArray[numpy.uint8], dict(shape=(None,), order='C', device='cpu', writable=False)], limit: int | None, by_expectation: bool | None) -> tuple[dict[str, Any], int]:
     """
     Every crossing order and no intervention, ranked: columns (maneuver,), priorities (maneuver, pair); and how many orders were left out.
     """
+
+def order_probabilities(predictor: Predictor, traffic: Traffic, given: Annotated[NDArray[numpy.int8], dict(shape=(None,), order='C', device='cpu', writable=False)], mass: float, most: int, feasible: int) -> tuple[NDArray[numpy.int8], NDArray[numpy.float64], NDArray[numpy.float64], int, int]:
+    """
+    The most probable orders (order, pair) and their probability (order,), that of each yielder going first (pair,), how many orders are feasible and how many were left out.
+    """
+
+def position_quantiles(policy: Policy, probability: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], position: Annotated[NDArray[numpy.float32], dict(shape=(None, None, None), order='C', device='cpu', writable=False)], levels: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)]) -> NDArray[numpy.float32]:
+    """(level, time, vehicle) of positions (order, time, vehicle) [m]."""
 
 def crossing_order(map: Map, traffic: Traffic, position: Annotated[NDArray[numpy.float32], dict(shape=(None, None, None), order='C', device='cpu', writable=False)]) -> NDArray[numpy.int8]:
     """

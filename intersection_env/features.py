@@ -10,6 +10,8 @@ GAP_FEATURES: tuple[str, ...] = tuple(_core.gap_features())
 """The gap network's inputs in order, with units, as a policy file names them."""
 DRIVING_FEATURES: tuple[str, ...] = tuple(_core.driving_features())
 """The driving network's inputs, likewise."""
+ORDER_FEATURES: tuple[str, ...] = tuple(_core.order_features())
+"""The order network's inputs, likewise: of both vehicles of a pair, and of the other foes of both."""
 
 
 class Gap(IntEnum):

@@ -7,8 +7,8 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from experiments.measure.crossing_order import recorded_order
 from intersection_env.evaluation.moments import Moment
+from intersection_env.evaluation.recorded_order import recorded_order
 from intersection_env.prediction.predictor import Prediction, Predictor
 from intersection_env.traffic import Traffic
 

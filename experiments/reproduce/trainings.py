@@ -11,6 +11,9 @@ from typing import Any
 
 from agents.gap.train import PROFILES as GAP_PROFILES
 from agents.idm import ROUNDS
+from agents.networks.export import order_network
+from agents.orders.train import PROFILES as ORDER_PROFILES
+from agents.orders.train import with_forecast
 from agents.ppo import PROFILES as PPO_PROFILES
 from agents.training.folder import file_hash
 from data.build import build
@@ -66,8 +69,10 @@ class Trainings:
         stage("rollout_gradient", ["gap", "idm"], rollouts, self._rollout_gradient, seeds=seeds, effort=effort)
         stage("ppo", ["gap"], policy("ppo"), self._ppo, seeds=seeds, effort=effort)
         stage("gail", ["ppo", "idm"], policy("gail"), self._gail, effort=effort)
+        makers = ["gap", "idm", "rollout_gradient", "ppo", "gail"]
+        stage("forecasts", makers, policy("orders"), self._forecasts, effort=effort)
         drivers, limits = ["rollout_gradient", "gail"], [LEAST_SPEED, LEAST_MEAN_SPEED, MOST_COLLISIONS]
-        stage("default", ["idm", *drivers], self.workspace.default, self._default, limits=limits)
+        stage("default", ["idm", *drivers, "forecasts"], self.workspace.default, self._default, limits=limits)
 
     def _scenes(self, place: Intersection) -> None:
         scenes = build(self.options.recordings, place)
@@ -114,6 +119,17 @@ class Trainings:
 
         self._seeds("gail", GAIL_PROFILES["default"][1].epochs, command)
         self._predicting_best("gail")
+
+    def _forecasts(self) -> None:
+        """The order network, and each policy with it and with the spread of its own drivers."""
+        run, epochs = self.workspace.run_of("orders"), self.workspace.epochs(ORDER_PROFILES["default"][1].epochs)
+        arguments = [*self._everywhere, "--policy", str(self.workspace.policy("idm_calibrated"))]
+        run_module("agents.orders", "default", *arguments, "--run", str(run), "--epochs", str(epochs), "--resume")
+        learned, places = PolicyFile.read(run / "orders.policy"), self.workspace.all_scenes()
+        for name in TRAINED:
+            path = self.workspace.policy(name)
+            with_forecast(PolicyFile.read(path), order_network(learned), places, learned.about["orders"]).save(path)
+        self._keep(run / "orders.policy", "orders")
 
     def _default(self) -> None:
         policies = [Predictor.load(self.workspace.policy(name)) for name in TRAINED]

@@ -15,15 +15,16 @@ from numpy.typing import NDArray
 
 from intersection_env import _core
 from intersection_env.constants import DT
-from intersection_env.features import DRIVING_FEATURES, GAP_FEATURES
+from intersection_env.features import DRIVING_FEATURES, GAP_FEATURES, ORDER_FEATURES
 from intersection_env.files import written_whole
 
-MAGIC, VERSION = "intersection_env policy", 1
+MAGIC = "intersection_env policy"
+PLAIN, FORECASTS = 1, 2  # versions: without an order network and a spread, and with them
 
 
 @dataclass(frozen=True, eq=False)
 class NetworkWeights:
-    """A network IN/16/16/1.
+    """A network IN/16/16/1, or IN/32/32/1 of orders.
 
     shift, scale: (input,), inputs enter as (x - shift) * scale.
     layers: (weight (output, input), bias (output,)) float32 of each layer.
@@ -55,8 +56,23 @@ class IdmParameters:
 
 
 @dataclass(frozen=True, eq=False)
+class Spread:
+    """How far drivers are from where they are predicted to be under the order that came true.
+
+    scale: (10, 5) float32 [m], at 1, 2, ..., 10 s, where the predicted way until then is 0, 5, 15, 40 and 80 m.
+    shape: (10, 19) float32, quantiles at levels 0.05, 0.1, ..., 0.95, in units of the scale; they do not fall.
+    """
+
+    scale: NDArray[np.float32]
+    shape: NDArray[np.float32]
+
+
+@dataclass(frozen=True, eq=False)
 class PolicyFile:
-    """What a policy file holds. A network is there exactly where `gap` or `driver` says "network"."""
+    """What a policy file holds. A network is there exactly where `gap` or `driver` says "network".
+
+    `order_network` and `spread` are what forecasts need: both are there, or neither.
+    """
 
     gap: str
     driver: str
@@ -68,6 +84,9 @@ class PolicyFile:
     """Where `driver` is "idm"."""
     about: Mapping[str, Any] = field(default_factory=dict)
     """Provenance and scores, as JSON holds them."""
+    order_network: NetworkWeights | None = None
+    """Its output is the logit of a pair's yielder going first."""
+    spread: Spread | None = None
 
     @classmethod
     def read(cls, path: str | Path) -> PolicyFile:
@@ -94,11 +113,15 @@ class PolicyFile:
         gap = _network_from(lines, len(GAP_FEATURES)) if value["gap"] == "network" else None
         driving = _network_from(lines, len(DRIVING_FEATURES)) if value["driver"] == "network" else None
         scale = float(value["acceleration_scale"])
-        return cls(value["gap"], value["driver"], gap, driving, scale, idm, json.loads(about))
+        order, spread = None, None
+        if text.startswith(f"{MAGIC} {FORECASTS}\n"):
+            order, spread = _network_from(lines, len(ORDER_FEATURES)), _spread_from(lines)
+        return cls(value["gap"], value["driver"], gap, driving, scale, idm, json.loads(about), order, spread)
 
     def text(self) -> str:
         """The file's text, checksum included; floats with nine digits, an exact float32 round trip."""
-        lines = [f"{MAGIC} {VERSION}", f"about {json.dumps(self.about, sort_keys=True)}"]
+        version = PLAIN if self.order_network is None else FORECASTS
+        lines = [f"{MAGIC} {version}", f"about {json.dumps(self.about, sort_keys=True)}"]
         lines += [f"dt {DT:.9g}", f"acceleration_scale {self.acceleration_scale:.9g}"]
         lines += [f"gap {self.gap}", f"driver {self.driver}"]
         if self.driver == "idm":
@@ -107,6 +130,10 @@ class PolicyFile:
             lines += _network_lines(GAP_FEATURES, self.gap_network)
         if self.driving_network is not None:
             lines += _network_lines(DRIVING_FEATURES, self.driving_network)
+        if self.order_network is not None and self.spread is not None:
+            lines += _network_lines(ORDER_FEATURES, self.order_network)
+            for scale, shape in zip(self.spread.scale, self.spread.shape, strict=True):
+                lines += [f"spread_scale {_numbers(scale)}", f"spread_shape {_numbers(shape)}"]
         body = "\n".join(lines) + "\n"
         return f"{body}checksum {zlib.crc32(body.encode()):08x}\n"
 
@@ -128,6 +155,11 @@ def _network_lines(features: Sequence[str], network: NetworkWeights) -> list[str
         lines.append(f"bias {_numbers(bias)}")
         lines += [_numbers(row) for row in weight]
     return lines
+
+
+def _spread_from(lines: Iterator[str]) -> Spread:
+    rows = [next(lines).split(" ")[1:] for _ in range(2 * _core.SPREAD_SECONDS)]
+    return Spread(np.array(rows[::2], dtype=np.float32), np.array(rows[1::2], dtype=np.float32))
 
 
 def _network_from(lines: Iterator[str], inputs: int) -> NetworkWeights:

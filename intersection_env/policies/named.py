@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 from intersection_env.policies.file import PolicyFile
@@ -55,7 +56,7 @@ def policy_named(policy: str | Path, gap: str | None = None) -> tuple[PolicyFile
 
 
 def gap_decider(gap: str | Path) -> PolicyFile:
-    """Who decides about gaps: a rule's name, or a policy (name or file) with a gap network.
+    """Who decides about gaps: a rule's name, or a policy (name or file) with a gap network, without its forecasts.
 
     Raises:
         ValueError: neither.
@@ -69,4 +70,4 @@ def gap_decider(gap: str | Path) -> PolicyFile:
         raise ValueError(f"gap: neither {' nor '.join(GAP_RULES)}, nor a policy: {error}") from None
     if policy.gap != "network":
         raise ValueError(f'gap: the policy "{gap}" has no gap network; the rules are {", ".join(GAP_RULES)}')
-    return policy
+    return replace(policy, order_network=None, spread=None)  # who drives by it spreads otherwise

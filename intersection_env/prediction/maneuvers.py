@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +19,7 @@ WORTHWHILE_GAIN: float = _core.WORTHWHILE_GAIN  # [s]
 LIMIT: int = _core.MOST_MANEUVERS
 COUNT_LIMIT: int = _core.MOST_COUNTED
 BATCH = 1024
+RANKED_BY = ("expectation", "prediction")
 
 
 def crossing_orders(
@@ -54,35 +55,50 @@ def rank_maneuvers(
     cooperative: Collection[str] | None = None,
     *,
     limit: int | None = LIMIT,
+    by: Literal["expectation", "prediction"] | None = None,
 ) -> pd.DataFrame:
     """Predicts every crossing order and ranks them: safe, unsafe, not followed, and each by the total time loss.
+
+    By expectation, each row is over all orders that the vehicles may find, with their probabilities (`forecast`): a
+    maneuver's over those that hold what it imposes, no intervention's over all. By prediction, each is the one
+    prediction in which all that is not imposed is left to the gap decision.
 
     Args:
         predictor: who drives.
         traffic: the vehicles now.
         cooperative: as in `crossing_orders`.
         limit: predict at most so many orders, beginning with those that keep the order of no intervention
-            among most pairs; None: all, however many. How many were left out stands in `attrs["left_out"]`
-            (counted up to 20,000).
+            among most pairs, or, by expectation, with the most probable one; None: all, however many. How many were
+            left out stands in `attrs["left_out"]` (counted up to 20,000).
+        by: None: expectation where the policy holds an order network, as those that ship do, else prediction.
 
     Returns:
         One row an order and one for no intervention: `order` (in words), `total_time_loss`, `worst_time_loss`
-        (of any vehicle) and `gain` against no intervention [s], `worth_executing` (safe, and a gain above 2 s),
-        `minimum_distance` [m], `followed` (in the order's own prediction nobody enters a conflict before the vehicle
-        that the order puts first has cleared it), `safe` (followed, and at least 0.5 m), `intervention` (bool),
-        `priorities` ((pair,) int8, as `Predictor.predict` takes them; `Traffic.words` names them).
+        (of any vehicle) and `gain` against no intervention [s], means by expectation; by expectation also
+        `chance_worthwhile` (that the gain exceeds 2 s) and `chance_unsafe` (that the order is not followed, or bodies
+        come nearer than 0.5 m); `worth_executing` (safe, and a gain above 2 s), `minimum_distance` [m], `followed` (in
+        the order's own prediction nobody enters a conflict before the vehicle that the order puts first has cleared
+        it) and `safe` (followed, and at least 0.5 m), by expectation those of the most probable order;
+        `intervention` (bool), `priorities` ((pair,) int8, as `Predictor.predict` takes them; `Traffic.words` names
+        them).
 
     Raises:
         TypeError: `cooperative` is one id, not a collection of them.
-        ValueError: an unknown vehicle, or a limit below 1.
+        ValueError: an unknown vehicle, a limit below 1, an unknown `by`, or an expectation of a policy without an
+            order network.
     """
     import pandas as pd
 
     if limit is not None and limit < 1:
         raise ValueError(f"limit must be at least 1, not {limit}")
+    if by not in (*RANKED_BY, None):
+        raise ValueError(f'by must be "expectation", "prediction" or None, not {by!r}')
+    by_expectation = predictor.core_policy.can_forecast if by is None else by == "expectation"
     columns, left_out = _core.rank_maneuvers(
-        predictor.bound_to(traffic.intersection), traffic.core, _flags(traffic, cooperative), limit
+        predictor.bound_to(traffic.intersection), traffic.core, _flags(traffic, cooperative), limit, by_expectation
     )
+    if not by_expectation:
+        del columns["chance_worthwhile"], columns["chance_unsafe"]
     priorities = columns.pop("priorities")
     order = np.array(in_words(traffic, priorities), dtype=object)
     order[~columns["intervention"]] = "no intervention"

@@ -143,7 +143,7 @@ class Predictor:
         self.threads = whole_number("threads", threads)
         if not 0 <= threads <= _core.MOST_THREADS:
             raise ValueError(f"threads must be from 0, one a core, to {_core.MOST_THREADS}, not {threads}")
-        self._policy = _core.Policy(policy.text(), name)
+        self.core_policy = _core.Policy(policy.text(), name)
         self._bound: dict[str, _core.Predictor] = {}
 
     @classmethod
@@ -227,7 +227,9 @@ class Predictor:
         """The core's predictor on this map, kept for the next time."""
         bound = self._bound.get(intersection.checksum)
         if bound is None:
-            bound = self._bound[intersection.checksum] = _core.Predictor(intersection.core, self._policy, self.threads)
+            bound = self._bound[intersection.checksum] = _core.Predictor(
+                intersection.core, self.core_policy, self.threads
+            )
         return bound
 
     def __repr__(self) -> str:

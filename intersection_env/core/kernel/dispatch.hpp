@@ -28,6 +28,7 @@ struct Kernel {
     // out: (rows,) the network's output before its last activation; in: (rows, inputs).
     void (*evaluate_gap)(const GapNetwork&, const float* in, long rows, float* out);
     void (*evaluate_driving)(const DrivingNetwork&, const float* in, long rows, float* out);
+    void (*evaluate_order)(const OrderNetwork&, const float* in, long rows, float* out);
     Workspace* (*create_closed_loop)();
     void (*destroy_closed_loop)(Workspace*);
     // Runs the task for `lanes` worlds; false where no start without a violated constraint was found.

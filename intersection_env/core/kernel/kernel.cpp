@@ -12,8 +12,8 @@ namespace {
 // From so many scenarios on, a block of them is faster than one after the other; measured.
 constexpr int WORTH_A_BLOCK = WIDTH == 16 ? 12 : WIDTH == 8 ? 8 : 4;
 
-template <int INPUTS, class Activation>
-void evaluate_rows(const Network<INPUTS>& network, const float* in, long rows, float* out) {
+template <int INPUTS, class Activation, int UNITS = HIDDEN>
+void evaluate_rows(const Network<INPUTS, UNITS>& network, const float* in, long rows, float* out) {
     for (long first = 0; first < rows; first += WIDTH) {
         const long used = rows - first < WIDTH ? rows - first : WIDTH;
         Floats input[INPUTS];
@@ -23,7 +23,7 @@ void evaluate_rows(const Network<INPUTS>& network, const float* in, long rows, f
                 input[i][l] = in[(first + l) * INPUTS + i];
             }
         }
-        const Floats result = evaluate<INPUTS>(network, input, Activation{});
+        const Floats result = evaluate(network, input, Activation{});
         for (long l = 0; l < used; ++l) {
             out[first + l] = result[l];
         }
@@ -44,6 +44,7 @@ extern const Kernel KERNEL = {&INTERSECTION_ENV_NAME(INTERSECTION_ENV_ISA)[4],
                               predict_one_scenario,
                               evaluate_rows<GAP_INPUTS, LeakyRelu>,
                               evaluate_rows<DRIVING_INPUTS, Tanh>,
+                              evaluate_rows<ORDER_INPUTS, Tanh, ORDER_HIDDEN>,
                               create_closed_loop,
                               destroy_closed_loop,
                               run_closed_loop,

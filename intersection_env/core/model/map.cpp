@@ -45,7 +45,7 @@ Route read_route(TextReader& reader) {
 Map Map::read(const std::string& path) { return parse(read_file(path), path); }
 
 Map Map::parse(std::string text, std::string where) {
-    TextReader reader(std::move(text), std::move(where), "intersection_env map", 1);
+    TextReader reader(std::move(text), std::move(where), "intersection_env map", 1, 1);
     Map map;
     map.checksum = reader.checksum();
     map.name = reader.word("name");

@@ -13,11 +13,11 @@ namespace {
 constexpr double LARGEST_WEIGHT = 1.0e6; // ours: beyond it sums of the kernel may leave the finite numbers
 
 // x -> (x - shift) * scale becomes part of the first layer, computed in float64.
-template <int INPUTS>
-void fold_scaling(const TextReader& reader, Network<INPUTS>& network, const std::vector<float>& shift,
+template <int INPUTS, int UNITS>
+void fold_scaling(const TextReader& reader, Network<INPUTS, UNITS>& network, const std::vector<float>& shift,
                   const std::vector<float>& scale) {
     bool finite = true;
-    for (std::size_t o = 0; o < HIDDEN; ++o) {
+    for (std::size_t o = 0; o < UNITS; ++o) {
         double bias = network.bias0[o];
         for (std::size_t i = 0; i < INPUTS; ++i) {
             const double weight = static_cast<double>(network.weight0[o * INPUTS + i]) * scale[i];
@@ -43,8 +43,8 @@ std::vector<float> weights(TextReader& reader, std::string_view key, std::size_t
     return values;
 }
 
-template <int INPUTS>
-Network<INPUTS> read_network(TextReader& reader, const std::array<std::string_view, INPUTS>& features) {
+template <int INPUTS, int UNITS = HIDDEN>
+Network<INPUTS, UNITS> read_network(TextReader& reader, const std::array<std::string_view, INPUTS>& features) {
     if (reader.count("inputs", 1, 1000) != INPUTS) {
         reader.fail("the network must have " + std::to_string(INPUTS) + " inputs");
     }
@@ -54,7 +54,7 @@ Network<INPUTS> read_network(TextReader& reader, const std::array<std::string_vi
         shift.push_back(row[0]);
         scale.push_back(row[1]);
     }
-    Network<INPUTS> network{};
+    Network<INPUTS, UNITS> network{};
     const auto layer = [&reader](std::size_t outputs, std::size_t inputs, float* weight, float* bias) {
         const std::vector<float> shape = reader.floats("layer", 2);
         if (shape[0] != static_cast<float>(outputs) || shape[1] != static_cast<float>(inputs)) {
@@ -66,11 +66,26 @@ Network<INPUTS> read_network(TextReader& reader, const std::array<std::string_vi
             std::ranges::copy(weights(reader, "", inputs), weight + o * inputs);
         }
     };
-    layer(HIDDEN, INPUTS, network.weight0, network.bias0);
-    layer(HIDDEN, HIDDEN, network.weight1, network.bias1);
-    layer(1, HIDDEN, network.weight2, network.bias2);
+    layer(UNITS, INPUTS, network.weight0, network.bias0);
+    layer(UNITS, UNITS, network.weight1, network.bias1);
+    layer(1, UNITS, network.weight2, network.bias2);
     fold_scaling(reader, network, shift, scale);
     return network;
+}
+
+Spread read_spread(TextReader& reader) {
+    Spread spread{};
+    for (Spread::Second& second : spread.seconds) {
+        std::ranges::copy(reader.floats("spread_scale", second.scale.size()), second.scale.begin());
+        if (!std::ranges::all_of(second.scale, [](float scale) { return scale >= 0.0F; })) {
+            reader.fail("the scale of a spread must not be negative");
+        }
+        std::ranges::copy(reader.floats("spread_shape", second.shape.size()), second.shape.begin());
+        if (!std::ranges::is_sorted(second.shape)) {
+            reader.fail("the quantiles of a spread must not fall");
+        }
+    }
+    return spread;
 }
 
 IdmParameters read_idm(TextReader& reader) {
@@ -108,7 +123,7 @@ Driver driver_named(std::string_view name) {
 Policy Policy::read(const std::string& path) { return parse(read_file(path), path); }
 
 Policy Policy::parse(std::string text, std::string where) {
-    TextReader reader(std::move(text), std::move(where), "intersection_env policy", 1);
+    TextReader reader(std::move(text), std::move(where), "intersection_env policy", 1, 2);
     Policy policy;
     policy.about = reader.rest_of_line("about");
     const float dt = reader.floats("dt", 1)[0];
@@ -133,6 +148,10 @@ Policy Policy::parse(std::string text, std::string where) {
     }
     if (policy.driver == Driver::network) {
         policy.driving_network = read_network<DRIVING_INPUTS>(reader, DRIVING_FEATURES);
+    }
+    if (reader.version() == 2) {
+        policy.forecast =
+            ForecastModel{read_network<ORDER_INPUTS, ORDER_HIDDEN>(reader, ORDER_FEATURES), read_spread(reader)};
     }
     reader.finish();
     return policy;

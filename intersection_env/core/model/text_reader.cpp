@@ -51,16 +51,19 @@ std::string read_file(const std::string& path) {
     return std::move(content).str();
 }
 
-TextReader::TextReader(std::string text, std::string where, std::string_view magic, int version)
+TextReader::TextReader(std::string text, std::string where, std::string_view magic, int oldest, int newest)
     : where_(std::move(where)), text_(std::move(text)) {
     rest_ = text_;
     const std::string_view first = rest_.substr(0, rest_.find('\n'));
     if (first.substr(0, magic.size()) != magic || first.size() <= magic.size() || first[magic.size()] != ' ') {
         fail("is not a file of the kind \"" + std::string(magic) + "\"; it begins with " + quoted(first));
     }
-    if (first.substr(magic.size() + 1) != std::to_string(version)) {
+    for (int one = oldest; one <= newest; ++one) {
+        version_ = first.substr(magic.size() + 1) == std::to_string(one) ? one : version_;
+    }
+    if (version_ == 0) {
         fail("is of version " + quoted(first.substr(magic.size() + 1)) + ", this package reads version " +
-             std::to_string(version));
+             (oldest == newest ? std::to_string(newest) : std::to_string(oldest) + " to " + std::to_string(newest)));
     }
     const std::size_t begin = text_.rfind("\nchecksum ") + 1;
     if (begin == 0 || text_.back() != '\n' || text_.find('\n', begin) != text_.size() - 1) {

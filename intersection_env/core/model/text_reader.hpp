@@ -17,8 +17,9 @@ std::string read_file(const std::string& path);
 
 class TextReader {
   public:
-    // Checks the first line ("<magic> <version>") and the checksum in the last line. `where` names the text in errors.
-    TextReader(std::string text, std::string where, std::string_view magic, int version);
+    // Checks the first line ("<magic> <version>", from `oldest` to `newest`) and the checksum in the last line. `where`
+    // names the text in errors.
+    TextReader(std::string text, std::string where, std::string_view magic, int oldest, int newest);
 
     // Each reads one whole line "<key> <values...>"; an empty key means the line holds values only.
     std::string word(std::string_view key);
@@ -32,6 +33,7 @@ class TextReader {
 
     void finish(); // nothing may be left but the checksum
 
+    int version() const { return version_; }
     std::uint32_t checksum() const { return checksum_; }
     [[noreturn]] void fail(const std::string& problem) const;
 
@@ -43,6 +45,7 @@ class TextReader {
     std::string text_;
     std::string_view rest_;
     std::int64_t line_number_ = 0;
+    int version_ = 0;
     std::uint32_t checksum_ = 0;
 };
 

@@ -2,65 +2,17 @@
 
 #include <algorithm>
 #include <bit>
-#include <limits>
 #include <numeric>
 #include <stdexcept>
 #include <tuple>
 
-#include "intersection_env/orders.hpp"
-#include "model/contact.hpp"
 #include "prediction/predictor.hpp"
+#include "prediction/ranked.hpp"
 
 namespace intersection_env {
 namespace {
 
-constexpr std::size_t BATCH = 1024; // orders found and predicted at a time
-
 std::size_t at(int index) { return static_cast<std::size_t>(index); }
-
-// Predicts orders and appends their maneuvers.
-class Ranked {
-  public:
-    Ranked(const Predictor& predictor, const Traffic& traffic, const Kernel& kernel, Ranking& ranking)
-        : predictor_(predictor), traffic_(traffic), kernel_(kernel), ranking_(ranking) {}
-
-    void append(std::span<const std::int8_t> orders, std::size_t count, const Trajectories& trajectories) {
-        completed_.assign(orders.begin(), orders.end());
-        time_loss_.resize(count * at(traffic_.count()));
-        distance_.resize(count);
-        followed_.resize(count);
-        predictor_.predict(traffic_, completed_, static_cast<int>(count), {},
-                           {trajectories, time_loss_.data(), distance_.data(), followed_.data()}, kernel_);
-        ranking_.priorities.insert(ranking_.priorities.end(), orders.begin(), orders.end());
-        for (std::size_t s = 0; s < count; ++s) {
-            ranking_.maneuvers.push_back(maneuver(s));
-        }
-    }
-
-  private:
-    Maneuver maneuver(std::size_t s) const {
-        const bool followed = followed_[s] != 0, safe = followed && distance_[s] >= COLLISION_DISTANCE;
-        Maneuver result{0.0, 0.0, 0.0, distance_[s], followed, safe, false, true};
-        for (std::size_t i = 0; i < at(traffic_.count()); ++i) {
-            const double lost = time_loss_[s * at(traffic_.count()) + i];
-            result.total_time_loss += lost;
-            result.worst_time_loss = std::max(result.worst_time_loss, lost);
-        }
-        const bool first = ranking_.maneuvers.empty(); // no intervention
-        result.intervention = !first;
-        result.gain = first ? 0.0 : ranking_.maneuvers.front().total_time_loss - result.total_time_loss;
-        result.worth_executing = result.safe && result.gain > WORTHWHILE_GAIN;
-        return result;
-    }
-
-    const Predictor& predictor_;
-    const Traffic& traffic_;
-    const Kernel& kernel_;
-    Ranking& ranking_;
-    std::vector<std::int8_t> completed_;
-    std::vector<float> time_loss_, distance_;
-    std::vector<std::uint8_t> followed_;
-};
 
 void sort(Ranking& ranking) {
     const std::vector<Maneuver> found = std::move(ranking.maneuvers);
@@ -122,29 +74,15 @@ std::string words(std::span<const std::string> names, std::vector<std::uint64_t>
 } // namespace
 
 Ranking rank_maneuvers(const Predictor& predictor, const Traffic& traffic, std::span<const std::uint8_t> cooperative,
-                       std::optional<std::size_t> limit, const Kernel& kernel) {
-    const Map& map = predictor.map();
-    check(map, traffic);
+                       std::optional<std::size_t> limit, std::optional<RankBy> by, const Kernel& kernel) {
+    check(predictor.map(), traffic);
     if (cooperative.size() != at(traffic.count())) {
         throw std::invalid_argument("cooperative takes one flag a vehicle");
     }
-    Ranking ranking;
-    ranking.pairs = find_conflicts(map, traffic);
-    Ranked ranked(predictor, traffic, kernel, ranking);
-    std::vector<std::int8_t> batch(ranking.pairs.size());
-    const std::size_t frames = at(STEPS + 1) * at(traffic.count());
-    std::vector<float> position(frames), speed(frames), acceleration(frames);
-    std::vector<std::uint8_t> enters(frames), present(frames);
-    ranked.append(batch, 1, {position.data(), speed.data(), acceleration.data(), enters.data(), present.data()});
-    Orders orders(map, traffic, ranking.pairs, cooperative,
-                  crossing_order(map, traffic, ranking.pairs, position.data(), 1));
-    batch.resize(BATCH * ranking.pairs.size());
-    std::size_t remaining = limit.value_or(std::numeric_limits<std::size_t>::max());
-    while (const std::size_t found = orders.next(batch.data(), std::min(BATCH, remaining))) {
-        remaining -= found;
-        ranked.append({batch.data(), found * ranking.pairs.size()}, found, {});
-    }
-    ranking.left_out = limit ? orders.count_remaining(MOST_COUNTED) : 0;
+    const RankBy automatic = predictor.policy().forecast ? RankBy::expectation : RankBy::prediction;
+    Ranking ranking = by.value_or(automatic) == RankBy::expectation
+                          ? expected_maneuvers(predictor, traffic, cooperative, limit, kernel)
+                          : predicted_maneuvers(predictor, traffic, cooperative, limit, kernel);
     sort(ranking);
     return ranking;
 }

@@ -1,6 +1,7 @@
 #include "intersection_env/orders.hpp"
 
 #include <algorithm>
+#include <functional>
 #include <stdexcept>
 #include <string>
 
@@ -72,15 +73,18 @@ bool Precedence::add(int a, int b) {
     return true;
 }
 
-Orders::Orders(const Map& map, const Traffic& traffic, std::span<const Pair> pairs,
-               std::span<const std::uint8_t> cooperative, std::span<const std::int8_t> preferred)
-    : pairs_(pairs.begin(), pairs.end()), preferred_(preferred.begin(), preferred.end()), order_(pairs.size(), 0),
-      precedence_(preceding(lane_order(map, traffic), traffic.count())) {
+Orders::Orders(const Map& map, const Traffic& traffic, std::span<const Pair> pairs, const OrderSearch& search)
+    : pairs_(pairs.begin(), pairs.end()), preferred_(search.preferred.begin(), search.preferred.end()),
+      order_(pairs.size(), 0), precedence_(preceding(lane_order(map, traffic), traffic.count())) {
     mark_committed(map, traffic, committed_);
     mark_passed(map, traffic, pairs_, passed_);
     for (std::size_t p = 0; p < pairs_.size(); ++p) {
         const Pair& pair = pairs_[p];
-        if (cooperative[at(pair.yielder)] == 0 || cooperative[at(pair.prioritized)] == 0) {
+        if (!search.given.empty() && search.given[p] != 0) {
+            settle(p, search.given[p]);
+            continue;
+        }
+        if (search.cooperative[at(pair.yielder)] == 0 || search.cooperative[at(pair.prioritized)] == 0) {
             continue;
         }
         const bool yielder_goes = committed_[at(pair.yielder)] != 0;
@@ -89,13 +93,21 @@ Orders::Orders(const Map& map, const Traffic& traffic, std::span<const Pair> pai
             continue; // neither can stop: nothing to decide
         }
         if (yielder_goes || prioritized_goes) {
-            order_[p] = yielder_goes ? 1 : -1;
-            finished_ = finished_ || !precedence_.add(first_of(pair, order_[p]), second_of(pair, order_[p]));
+            settle(p, yielder_goes ? 1 : -1);
         } else {
             open_.push_back(p);
         }
     }
+    if (!search.certainty.empty()) {
+        std::ranges::stable_sort(open_, std::greater{}, [&](std::size_t p) { return search.certainty[p]; });
+    }
     choices_.resize(open_.size());
+}
+
+// What every order holds; no order is left where it contradicts what others hold.
+void Orders::settle(std::size_t pair, std::int8_t direction) {
+    order_[pair] = direction;
+    finished_ = finished_ || !precedence_.add(first_of(pairs_[pair], direction), second_of(pairs_[pair], direction));
 }
 
 std::int8_t Orders::direction(std::size_t depth, int attempt) const {

@@ -149,10 +149,27 @@ std::vector<std::int8_t> Planner::priorities_at(const Prediction& prediction, in
                             present_at(prediction, step, scenario), after);
 }
 
+Forecast Planner::forecast(const Traffic& traffic, std::span<const std::int8_t> given,
+                           const ForecastLimits& limits) const {
+    Forecast result;
+    result.likely = order_probabilities(*predictor_, traffic, given, limits, kernel());
+    predict(traffic, result.likely.orders, result.prediction);
+    return result;
+}
+
+std::vector<float> Planner::position_quantiles(const Forecast& forecast, std::span<const double> levels) const {
+    if (!policy().forecast) {
+        throw std::invalid_argument("the policy holds no spread, so it knows no quantiles");
+    }
+    return intersection_env::position_quantiles(policy().forecast->spread, forecast.likely.probability,
+                                                forecast.prediction.position.data(), forecast.prediction.vehicles,
+                                                levels);
+}
+
 Ranking Planner::rank(const Traffic& traffic, std::span<const std::uint8_t> cooperative,
-                      std::optional<std::size_t> limit) const {
+                      std::optional<std::size_t> limit, std::optional<RankBy> by) const {
     const std::vector<std::uint8_t> all(cooperative.empty() ? traffic.route.size() : 0, 1);
-    return rank_maneuvers(*predictor_, traffic, cooperative.empty() ? all : cooperative, limit, kernel());
+    return rank_maneuvers(*predictor_, traffic, cooperative.empty() ? all : cooperative, limit, by, kernel());
 }
 
 } // namespace intersection_env

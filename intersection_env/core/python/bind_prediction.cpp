@@ -15,6 +15,7 @@
 #include <nanobind/stl/tuple.h>
 #include <nanobind/stl/vector.h>
 
+#include "intersection_env/forecast.hpp"
 #include "intersection_env/maneuvers.hpp"
 #include "intersection_env/orders.hpp"
 #include "intersection_env/policy.hpp"
@@ -97,13 +98,23 @@ Floats evaluate_driving(const Policy& policy, const Matrix<float>& features) {
     return out;
 }
 
+Floats evaluate_order(const Policy& policy, const Matrix<float>& features) {
+    if (!policy.forecast || features.shape(1) != ORDER_INPUTS) {
+        throw std::invalid_argument("a policy with an order network and features (row, 21) are wanted");
+    }
+    auto out = make<float>({features.shape(0)});
+    kernel().evaluate_order(policy.forecast->order_network, features.data(), static_cast<long>(features.shape(0)),
+                            out.data());
+    return out;
+}
+
 Orders make_orders(const Map& map, const Traffic& traffic, const Vector<std::uint8_t>& cooperative,
                    const Vector<std::int8_t>& preferred) {
     const std::vector<Pair> pairs = find_conflicts(map, traffic);
     if (cooperative.size() != traffic.route.size() || preferred.size() != pairs.size()) {
         throw std::invalid_argument("cooperative takes one flag a vehicle, preferred one direction a pair");
     }
-    return {map, traffic, pairs, {cooperative.data(), cooperative.size()}, {preferred.data(), preferred.size()}};
+    return {map, traffic, pairs, {{cooperative.data(), cooperative.size()}, {preferred.data(), preferred.size()}}};
 }
 
 using Doubles = nb::ndarray<nb::numpy, double>;
@@ -118,11 +129,14 @@ nb::ndarray<nb::numpy, T> column(const Ranking& ranking, Field Maneuver::* field
 }
 
 std::tuple<Arrays, std::size_t> rank(const Predictor& predictor, const Traffic& traffic,
-                                     const Vector<std::uint8_t>& cooperative, std::optional<std::size_t> limit) {
+                                     const Vector<std::uint8_t>& cooperative, std::optional<std::size_t> limit,
+                                     std::optional<bool> by_expectation) {
+    const auto by =
+        by_expectation ? std::optional(*by_expectation ? RankBy::expectation : RankBy::prediction) : std::nullopt;
     Ranking ranking;
     {
         const nb::gil_scoped_release release;
-        ranking = rank_maneuvers(predictor, traffic, {cooperative.data(), cooperative.size()}, limit, kernel());
+        ranking = rank_maneuvers(predictor, traffic, {cooperative.data(), cooperative.size()}, limit, by, kernel());
     }
     auto priorities = make<std::int8_t>({ranking.maneuvers.size(), ranking.pairs.size()});
     std::copy(ranking.priorities.begin(), ranking.priorities.end(), priorities.data());
@@ -130,6 +144,8 @@ std::tuple<Arrays, std::size_t> rank(const Predictor& predictor, const Traffic& 
     columns["total_time_loss"] = column<double>(ranking, &Maneuver::total_time_loss);
     columns["worst_time_loss"] = column<double>(ranking, &Maneuver::worst_time_loss);
     columns["gain"] = column<double>(ranking, &Maneuver::gain);
+    columns["chance_worthwhile"] = column<double>(ranking, &Maneuver::chance_worthwhile);
+    columns["chance_unsafe"] = column<double>(ranking, &Maneuver::chance_unsafe);
     columns["worth_executing"] = column<bool>(ranking, &Maneuver::worth_executing);
     columns["minimum_distance"] = column<double>(ranking, &Maneuver::minimum_distance);
     columns["followed"] = column<bool>(ranking, &Maneuver::followed);
@@ -137,6 +153,40 @@ std::tuple<Arrays, std::size_t> rank(const Predictor& predictor, const Traffic& 
     columns["intervention"] = column<bool>(ranking, &Maneuver::intervention);
     columns["priorities"] = priorities;
     return {columns, ranking.left_out};
+}
+
+template <class T>
+nb::ndarray<nb::numpy, T> copied(const std::vector<T>& values, const std::vector<std::size_t>& shape) {
+    auto array = make<T>(shape);
+    std::ranges::copy(values, array.data());
+    return array;
+}
+
+std::tuple<nb::ndarray<nb::numpy, std::int8_t>, Doubles, Doubles, std::size_t, std::size_t>
+probabilities(const Predictor& predictor, const Traffic& traffic, const Vector<std::int8_t>& given, double mass,
+              std::size_t most, std::size_t feasible) {
+    OrderProbabilities found;
+    {
+        const nb::gil_scoped_release release;
+        found = order_probabilities(predictor, traffic, {given.data(), given.size()}, {mass, most, feasible}, kernel());
+    }
+    const std::size_t pairs = found.pairs.size(), orders = found.probability.size();
+    return std::make_tuple(copied(found.orders, {orders, pairs}), copied(found.probability, {orders}),
+                           copied(found.yielder_first, {pairs}), found.feasible, found.left_out);
+}
+
+Floats quantiles(const Policy& policy, const Vector<double>& probability,
+                 const nb::ndarray<const float, nb::ndim<3>, nb::c_contig, nb::device::cpu>& position,
+                 const Vector<double>& levels) {
+    if (!policy.forecast || position.shape(0) != probability.size() || position.shape(1) != STEPS + 1) {
+        throw std::invalid_argument("a policy with a spread and positions (order, " + std::to_string(STEPS + 1) +
+                                    ", vehicle) are wanted");
+    }
+    const std::size_t vehicles = position.shape(2);
+    const std::vector<float> found =
+        position_quantiles(policy.forecast->spread, {probability.data(), probability.size()}, position.data(),
+                           static_cast<int>(vehicles), {levels.data(), levels.size()});
+    return copied(found, {levels.size(), STEPS + 1, vehicles});
 }
 
 nb::ndarray<nb::numpy, std::int8_t>
@@ -225,6 +275,10 @@ void bind_prediction(nb::module_& m) {
              "text"_a, "where"_a, "Reads the text of a policy file, named `where` in errors; raises FormatError.")
         .def_ro("about", &Policy::about, "Provenance and scores, JSON.")
         .def("evaluate_gap", &evaluate_gap, "features"_a.noconvert(), "(row,): logits of accepting the gap.")
+        .def_prop_ro(
+            "can_forecast", [](const Policy& policy) { return policy.forecast.has_value(); },
+            "Whether it holds an order network and a spread.")
+        .def("evaluate_order", &evaluate_order, "features"_a.noconvert(), "(row,): logits of the yielder going first.")
         .def("evaluate_driving", &evaluate_driving, "features"_a.noconvert(),
              "(row,): the driving network's output before its last tanh.");
 
@@ -232,14 +286,28 @@ void bind_prediction(nb::module_& m) {
         .def(nb::init<std::shared_ptr<const Map>, Policy, int>(), "map"_a, "policy"_a, "threads"_a = 1)
         .def("observe", &observe, "traffic"_a,
              "driving (vehicle, 12) and gap (pair, 4) features, and which pairs' gaps are accepted (pair,).")
+        .def(
+            "observe_orders",
+            [](const Predictor& predictor, const Traffic& traffic) {
+                const std::vector<float> features = observe_orders(predictor, traffic, kernel());
+                return copied(features, {features.size() / ORDER_INPUTS, ORDER_INPUTS});
+            },
+            "traffic"_a, "(pair, 21): what an order network sees.")
         .def("predict", &predict, "traffic"_a, "assignments"_a.noconvert(), "trajectories"_a, "safety"_a,
              "decisions"_a.noconvert().none() = nb::none(), "isa"_a = nb::none(),
              "position, speed, acceleration, enters, present, time_loss, minimum_distance, hold, completed "
              "assignments.");
 
     m.def("rank_maneuvers", &rank, "predictor"_a, "traffic"_a, "cooperative"_a.noconvert(), "limit"_a.none(),
+          "by_expectation"_a.none(),
           "Every crossing order and no intervention, ranked: columns (maneuver,), priorities (maneuver, pair); and how "
           "many orders were left out.");
+    m.def("order_probabilities", &probabilities, "predictor"_a, "traffic"_a, "given"_a.noconvert(), "mass"_a, "most"_a,
+          "feasible"_a,
+          "The most probable orders (order, pair) and their probability (order,), that of each yielder going first "
+          "(pair,), how many orders are feasible and how many were left out.");
+    m.def("position_quantiles", &quantiles, "policy"_a, "probability"_a.noconvert(), "position"_a.noconvert(),
+          "levels"_a.noconvert(), "(level, time, vehicle) of positions (order, time, vehicle) [m].");
     m.def("crossing_order", &order_of, "map"_a, "traffic"_a, "position"_a.noconvert(),
           "(scenario, pair): who reached each conflict first in positions (scenario, time, vehicle).");
     m.def("in_words", &words_of, "map"_a, "traffic"_a, "names"_a, "orders"_a.noconvert(),

@@ -10,6 +10,7 @@
 
 #include "intersection_env/format_error.hpp"
 #include "intersection_env/maneuvers.hpp"
+#include "intersection_env/orders.hpp"
 #include "intersection_env/policy.hpp"
 #include "intersection_env/traffic.hpp"
 #include "kernel/dispatch.hpp"
@@ -35,6 +36,8 @@ NB_MODULE(_core, m) {
     m.attr("WORTHWHILE_GAIN") = WORTHWHILE_GAIN;
     m.attr("MOST_MANEUVERS") = MOST_MANEUVERS;
     m.attr("MOST_COUNTED") = MOST_COUNTED;
+    m.attr("SPREAD_LEVELS") = Spread::LEVELS;
+    m.attr("SPREAD_SECONDS") = Spread::SECONDS;
     m.def("available_kernels", &available_kernels, "The instruction sets of this machine's kernels, best last.");
     m.def(
         "gap_features", [] { return std::vector<std::string>(GAP_FEATURES.begin(), GAP_FEATURES.end()); },
@@ -42,6 +45,12 @@ NB_MODULE(_core, m) {
     m.def(
         "driving_features", [] { return std::vector<std::string>(DRIVING_FEATURES.begin(), DRIVING_FEATURES.end()); },
         "The driving network's inputs, by name and unit.");
+    m.def(
+        "order_features", [] { return std::vector<std::string>(ORDER_FEATURES.begin(), ORDER_FEATURES.end()); },
+        "The order network's inputs, by name and unit.");
+    m.def(
+        "spread_ways", [] { return std::vector<float>(Spread::WAYS.begin(), Spread::WAYS.end()); },
+        "The ways at which a spread has a scale [m].");
     m.def(
         "multiply_adds",
         [](const std::string& isa, long rounds) {

@@ -11,12 +11,13 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from experiments.measure.crossing_order import Options, main, order_results, recorded_order, scored_pairs
+from experiments.measure.crossing_order import Options, main, order_results, scored_pairs
 from experiments.show.crossing_order import BASELINES, order_table
 from intersection_env import Intersection, Prediction, Predictor, Scene, Scenes, Traffic
 from intersection_env.evaluation import intervals
 from intersection_env.evaluation.errors import Forecaster
 from intersection_env.evaluation.moments import HORIZONS, Moment, moments_of
+from intersection_env.evaluation.recorded_order import recorded_order
 from intersection_env.prediction.measures import crossing_order
 from intersection_env.scenes.scene import Track
 

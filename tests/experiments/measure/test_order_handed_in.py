@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from experiments.measure.crossing_order import recorded_order
 from experiments.measure.horizon import measured
 from experiments.measure.order_handed_in import OrderHandedIn
 from experiments.report.tables import order_handed_in_table
@@ -13,6 +12,7 @@ from experiments.show.horizon import order_handed_in_text
 from intersection_env import Intersection, Predictor
 from intersection_env.evaluation import intervals
 from intersection_env.evaluation.moments import Moment
+from intersection_env.evaluation.recorded_order import recorded_order
 from intersection_env.prediction.measures import crossing_order
 from tests.experiments.measure.test_crossing_order import first, pair
 

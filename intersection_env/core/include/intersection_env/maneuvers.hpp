@@ -1,4 +1,4 @@
-// Maneuvers: every crossing order of a traffic predicted, and ranked by the time it saves.
+// Maneuvers: every crossing order of a traffic predicted, and ranked by the time that it saves, or is expected to save.
 #pragma once
 
 #include <cstddef>
@@ -18,19 +18,26 @@ struct Kernel;
 
 constexpr double WORTHWHILE_GAIN =
     2.0; // [s], paper, Section IV-C.3: a gain beyond the error of the predicted time loss
-constexpr std::size_t MOST_MANEUVERS = 10000; // ours: a second's work; a dense traffic can have millions of orders
-constexpr std::size_t MOST_COUNTED = 20000;   // ours: orders left out are counted this far, which takes some 25 ms
 
-// One crossing order imposed on the vehicles, or no intervention. Time losses over 10 s [s].
+// What a maneuver is ranked by: what is predicted under it where all else is left to the gap decision; or what is
+// expected over the orders that its vehicles and all others may find, each with its probability, as is what happens
+// without intervention.
+enum class RankBy : std::uint8_t { prediction, expectation };
+
+// One crossing order imposed on the vehicles, or no intervention. Time losses over 10 s [s]. By expectation they are
+// means, `minimum_distance` and `followed` are those of the most probable order, and the chances say how sure it is;
+// by prediction each chance is 0 or 1.
 struct Maneuver {
-    double total_time_loss; // of all vehicles
-    double worst_time_loss; // of any vehicle
-    double gain;            // in total time loss against no intervention
-    float minimum_distance; // [m], infinite where no two vehicles can touch
-    bool followed;          // in its own prediction, whoever it puts second lets the first pass
-    bool safe;              // followed, and at least 0.5 m
-    bool worth_executing;   // safe, and gains more than WORTHWHILE_GAIN
-    bool intervention;      // false for no intervention
+    double total_time_loss;   // of all vehicles
+    double worst_time_loss;   // of any vehicle
+    double gain;              // in total time loss against no intervention
+    double chance_worthwhile; // that it gains more than WORTHWHILE_GAIN
+    double chance_unsafe;     // that it is not followed, or bodies come nearer than 0.5 m
+    float minimum_distance;   // [m], infinite where no two vehicles can touch
+    bool followed;            // in its own prediction, whoever it puts second lets the first pass
+    bool safe;                // followed, and at least 0.5 m
+    bool worth_executing;     // safe, and gains more than WORTHWHILE_GAIN
+    bool intervention;        // false for no intervention
 };
 
 // The maneuvers: safe ones, then unsafe ones, last those that are not followed; each by total time loss, equal ones as
@@ -46,11 +53,13 @@ struct Ranking {
     }
 };
 
-// Predicts no intervention and at most `limit` crossing orders, beginning with those that keep the order of no
-// intervention among most pairs; no limit: all, and none is counted. cooperative: one flag a vehicle, as in Orders.
-// Throws std::invalid_argument for a traffic that is refused, or too few flags.
+// Predicts no intervention and at most `limit` crossing orders; no limit: all, and none is counted. By prediction they
+// begin with those that keep the order of no intervention among most pairs; by expectation with the most probable one,
+// and the least certain pairs change first. cooperative: one flag a vehicle, as in Orders. by: expectation where the
+// policy has a forecast model, if none is named.
+// Throws std::invalid_argument for a traffic that is refused, too few flags, or an expectation without such a model.
 Ranking rank_maneuvers(const Predictor& predictor, const Traffic& traffic, std::span<const std::uint8_t> cooperative,
-                       std::optional<std::size_t> limit, const Kernel& kernel);
+                       std::optional<std::size_t> limit, std::optional<RankBy> by, const Kernel& kernel);
 
 // Who reached each conflict first in predicted trajectories, position (scenario, STEPS + 1, vehicle): (scenario, pair),
 // +1 the yielder, -1 the prioritized vehicle or both within one step (ours), 0 neither yet. A vehicle reaches a

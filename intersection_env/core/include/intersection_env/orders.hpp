@@ -10,6 +10,9 @@
 
 namespace intersection_env {
 
+constexpr std::size_t MOST_MANEUVERS = 10000; // ours: a second's work; a dense traffic can have millions of orders
+constexpr std::size_t MOST_COUNTED = 20000;   // ours: orders left out are counted this far, which takes some 25 ms
+
 // Who precedes whom, closed under transitivity. Vehicles are bits.
 class Precedence {
   public:
@@ -24,13 +27,19 @@ class Precedence {
     std::array<std::uint64_t, MAX_VEHICLES> after_{}; // after_[a]: all that come after a
 };
 
+// Which orders are wanted, and which come first.
+struct OrderSearch {
+    std::span<const std::uint8_t> cooperative; // one flag a vehicle; pairs without two cooperative ends are left alone
+    std::span<const std::int8_t> preferred;    // one direction a pair, near which to begin
+    std::span<const float> certainty = {};     // one a pair, or none: what is most certain changes last
+    std::span<const std::int8_t> given = {};   // one direction a pair, or none: what all orders hold (0: open)
+};
+
 // Streams all crossing orders of a traffic, one int8 a pair: +1 yielder first, -1 prioritized first, 0 left to
 // the gap decision. Each order comes once; those that keep most pairs as in `preferred` tend to come first.
 class Orders {
   public:
-    // cooperative: one flag a vehicle; pairs without two cooperative ends are left alone. preferred: one a pair.
-    Orders(const Map& map, const Traffic& traffic, std::span<const Pair> pairs,
-           std::span<const std::uint8_t> cooperative, std::span<const std::int8_t> preferred);
+    Orders(const Map& map, const Traffic& traffic, std::span<const Pair> pairs, const OrderSearch& search);
 
     std::size_t pair_count() const { return pairs_.size(); }
 
@@ -45,6 +54,7 @@ class Orders {
         Precedence before_choice{0};
         std::int8_t tried = 0; // orientations tried so far: 0, 1, 2
     };
+    void settle(std::size_t pair, std::int8_t direction);
     bool advance(); // to the next order; false if there is none
     bool complete_into(std::int8_t* out) const;
     bool orient(std::size_t depth, int direction);

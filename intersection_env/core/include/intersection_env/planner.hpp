@@ -4,6 +4,7 @@
 //     const Traffic traffic = traffic_of(planner.map(), {{{"SE-NW", 95.0F, 12.0F}, {"NE-SW", 80.0F, 3.0F}}});
 //     const Ranking ranking = planner.rank(traffic);                                   // best safe order first
 //     const Prediction best = planner.predict(traffic, ranking.priorities_of(0));      // its trajectories
+//     const Forecast forecast = planner.forecast(traffic);                             // what happens without
 #pragma once
 
 #include <cstdint>
@@ -14,6 +15,7 @@
 #include <string>
 #include <vector>
 
+#include "intersection_env/forecast.hpp"
 #include "intersection_env/format_error.hpp"
 #include "intersection_env/maneuvers.hpp"
 #include "intersection_env/map.hpp"
@@ -51,6 +53,12 @@ struct Prediction {
     Traffic traffic;                           // what was predicted
 };
 
+// The most probable crossing orders of the next 10 s, and the prediction of each: scenario k is order k.
+struct Forecast {
+    OrderProbabilities likely;
+    Prediction prediction;
+};
+
 // Never changes once it is made: threads may share one and call it at the same time.
 class Planner {
   public:
@@ -75,10 +83,16 @@ class Planner {
     Traffic traffic_at(const Prediction& prediction, int step, int scenario = 0) const;
     std::vector<std::int8_t> priorities_at(const Prediction& prediction, int step, int scenario = 0) const;
 
+    // given: orders that are sure, as a maneuver imposes them; otherwise as order_probabilities.
+    Forecast forecast(const Traffic& traffic, std::span<const std::int8_t> given = {},
+                      const ForecastLimits& limits = {}) const;
+    // (level, STEPS + 1, vehicle) [m], as the function of this name.
+    std::vector<float> position_quantiles(const Forecast& forecast, std::span<const double> levels) const;
+
     // cooperative: one flag a vehicle; only pairs of two that take instructions are ordered. Empty: all do.
     // Otherwise as rank_maneuvers.
     Ranking rank(const Traffic& traffic, std::span<const std::uint8_t> cooperative = {},
-                 std::optional<std::size_t> limit = MOST_MANEUVERS) const;
+                 std::optional<std::size_t> limit = MOST_MANEUVERS, std::optional<RankBy> by = {}) const;
 
   private:
     std::shared_ptr<const Predictor> predictor_;

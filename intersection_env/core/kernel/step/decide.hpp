@@ -25,7 +25,7 @@ inline Ints accepts_gap(Gap gap, const GapNetwork* network, const Encounter& e) 
     }
     Floats input[GAP_INPUTS];
     gap_features(e, input);
-    return evaluate<GAP_INPUTS>(*network, input, LeakyRelu{}) > 0.0F;
+    return evaluate(*network, input, LeakyRelu{}) > 0.0F;
 }
 
 // Mask: the vehicle has decided to enter and can no longer stop, whatever its pairs say.

@@ -72,7 +72,7 @@ inline Floats drive(const Problem& problem, float inverse_root, Floats top_speed
     Floats input[DRIVING_INPUTS];
     driving_features(vehicle, input);
     const float scale = problem.acceleration_scale;
-    const Floats wanted = scale * tanh(evaluate<DRIVING_INPUTS>(*problem.driving_network, input, Tanh{}));
+    const Floats wanted = scale * tanh(evaluate(*problem.driving_network, input, Tanh{}));
     const Floats to_top = (most(vehicle.speed, top_speed) - vehicle.speed) * (1.0F / DT);
     return limited(vehicle, least(wanted, to_top), scale);
 }

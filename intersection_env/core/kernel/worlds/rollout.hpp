@@ -15,9 +15,9 @@ struct Sampled {
 };
 
 inline Sampled sample_action(const Rollout& r, const Floats* features, Floats normal) {
-    const Floats latent = evaluate<FEATURES>(*r.policy, features, Tanh{}) + r.sigma * normal;
+    const Floats latent = evaluate(*r.policy, features, Tanh{}) + r.sigma * normal;
     const Floats log_probability = -0.5F * normal * normal - (r.log_sigma + HALF_LOG_TWO_PI);
-    return {latent, log_probability, evaluate<FEATURES>(*r.value, features, Tanh{}), tanh(latent)};
+    return {latent, log_probability, evaluate(*r.value, features, Tanh{}), tanh(latent)};
 }
 
 // Where a vehicle's return was cut, and the value of what it saw last.
@@ -81,7 +81,7 @@ inline void conclude(const Rollout& r, const Place& here, Ints ends, const World
             set_flags(r.cut + here.first + i, here.stride, here.lanes & bits(cut[i].mask));
             Floats features[FEATURES];
             worlds.observe_last(i, features);
-            cut[i].value = evaluate<FEATURES>(*r.value, features, Tanh{});
+            cut[i].value = evaluate(*r.value, features, Tanh{});
         }
     }
 }
@@ -113,7 +113,7 @@ inline bool roll_out(const Rollout& r, int steps, long first_world, unsigned lan
     for (int i = 0; i < vehicles; ++i) {
         Floats features[FEATURES];
         worlds.observe(i, features);
-        value[i] = evaluate<FEATURES>(*r.value, features, Tanh{});
+        value[i] = evaluate(*r.value, features, Tanh{});
     }
     put_next_values(r, place(steps - 1), value, cut);
     return true;

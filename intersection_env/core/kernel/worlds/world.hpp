@@ -110,7 +110,7 @@ inline void answer(const GapNetwork& network, World& world) {
         features[2][k] = foe.distance_to_stop_line[l];
         features[3][k] = foe.speed[l];
     }
-    const Floats logit = evaluate<GAP_INPUTS>(network, reinterpret_cast<const Floats*>(features), LeakyRelu{});
+    const Floats logit = evaluate(network, reinterpret_cast<const Floats*>(features), LeakyRelu{});
     unsigned refused = bits(~(logit > 0.0F)) & ((1U << count) - 1);
     for (; refused != 0; refused &= refused - 1) {
         const int who = waiting.who[__builtin_ctz(refused)];

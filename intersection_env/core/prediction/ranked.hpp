@@ -1,0 +1,36 @@
+// Maneuvers as they are found, the first of them no intervention; rank_maneuvers puts them in order.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "intersection_env/maneuvers.hpp"
+#include "kernel/dispatch.hpp"
+#include "prediction/predictor.hpp"
+
+namespace intersection_env {
+
+// What some orders come to: (order, vehicle) time losses [s], (order,) smallest distances [m] and whether each is
+// followed.
+struct Outcomes {
+    std::vector<float> time_loss, minimum_distance;
+    std::vector<std::uint8_t> followed;
+
+    bool safe(std::size_t order) const;
+};
+
+// Predicts orders (order, pair). trajectories: where they go, or none.
+Outcomes outcomes_of(const Predictor& predictor, const Traffic& traffic, std::span<const std::int8_t> orders,
+                     std::size_t count, const Trajectories& trajectories, const Kernel& kernel);
+
+// By RankBy. cooperative, limit: as of rank_maneuvers, of flags that are enough.
+Ranking predicted_maneuvers(const Predictor& predictor, const Traffic& traffic,
+                            std::span<const std::uint8_t> cooperative, std::optional<std::size_t> limit,
+                            const Kernel& kernel);
+Ranking expected_maneuvers(const Predictor& predictor, const Traffic& traffic,
+                           std::span<const std::uint8_t> cooperative, std::optional<std::size_t> limit,
+                           const Kernel& kernel);
+
+} // namespace intersection_env

@@ -1,0 +1,253 @@
+"""What will happen, and how probable: crossing orders with probabilities, and where everybody will be under each."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from intersection_env import _core
+from intersection_env.prediction.maneuvers import LIMIT, in_words
+from intersection_env.prediction.predictor import Prediction, Predictor, Priorities, as_assignments
+from intersection_env.traffic import Traffic, naming
+
+MASS, MOST = 0.95, 64
+TRIES = 100  # ours: of drawing a noisy traffic that can be
+
+
+@dataclass(frozen=True)
+class Noise:
+    """What perception errs by: deviations of normal errors of each vehicle's position [m] and speed [m/s]."""
+
+    position: float = 0.5
+    speed: float = 0.5
+    draws: int = 16
+    """Traffics that are drawn; a forecast is their average."""
+    seed: int = 0
+
+
+@dataclass(frozen=True, eq=False)
+class Forecast:
+    """The next 10 s: the most probable crossing orders, and the prediction of each.
+
+    orders: (order, pair) int8 over `traffic.conflicts`, +1 yielder first, -1 prioritized first, 0 where neither can
+        stop any more; the most probable first.
+    probability: (order,) float64, over all feasible orders, so that those left away are missing from the sum.
+    yielder_first: (pair,) float64, the probability that the yielder of each pair goes first; over all feasible orders.
+    feasible: orders among which the probability was shared out; left_out: further ones, counted up to 20,000.
+    prediction: scenario k is that of order `order[k]`, and `weight[k]` (scenario,) is its share of what is predicted:
+        without noise the orders in turn, with it several a draw.
+    """
+
+    predictor: Predictor
+    traffic: Traffic
+    orders: NDArray[np.int8]
+    probability: NDArray[np.float64]
+    yielder_first: NDArray[np.float64]
+    feasible: int
+    left_out: int
+    prediction: Prediction
+    order: NDArray[np.int64]
+    weight: NDArray[np.float64]
+
+    def most_probable(self) -> Prediction:
+        """The prediction (one scenario) of the most probable order."""
+        return self.predictor.predict(self.traffic, self.orders[:1])
+
+    def words(self) -> list[str]:
+        """The orders as sequences of vehicles, as `rank_maneuvers` names them."""
+        return in_words(self.traffic, self.orders)
+
+    def mean_position(self) -> NDArray[np.float64]:
+        """(time, vehicle) [m], over the orders: what errs least in the mean square."""
+        mean: NDArray[np.float64] = np.einsum("s,stv->tv", self.weight, self.prediction.position.astype(np.float64))
+        return mean
+
+    def position_quantiles(self, levels: ArrayLike = (0.1, 0.5, 0.9)) -> NDArray[np.float32]:
+        """(level, time, vehicle) [m]: over the orders, and over what drivers do within one.
+
+        Args:
+            levels: from 0 to 1.
+
+        Raises:
+            ValueError: a level out of range.
+        """
+        policy, position = self.predictor.core_policy, self.prediction.position
+        wanted = np.atleast_1d(np.asarray(levels, dtype=np.float64))
+        return _core.position_quantiles(policy, self.weight, position, np.ascontiguousarray(wanted))
+
+    def time_loss_quantiles(self, levels: ArrayLike = (0.1, 0.5, 0.9)) -> NDArray[np.float64]:
+        """(level, vehicle) [s], over the orders.
+
+        Args:
+            levels: from 0 to 1.
+        """
+        wanted = np.atleast_1d(np.asarray(levels, dtype=np.float64))
+        return np.quantile(
+            self.prediction.time_loss.astype(np.float64),
+            wanted,
+            axis=0,
+            weights=np.repeat(self.weight[:, None], len(self.traffic), axis=1),
+            method="inverted_cdf",
+        )
+
+    def expected_time_loss(self) -> NDArray[np.float64]:
+        """(vehicle,) [s], over the orders."""
+        return self.weight @ self.prediction.time_loss.astype(np.float64)
+
+
+def forecast(
+    predictor: Predictor,
+    traffic: Traffic,
+    priorities: Priorities | None = None,
+    *,
+    mass: float = MASS,
+    most: int = MOST,
+    limit: int = LIMIT,
+    noise: Noise | None = None,
+) -> Forecast:
+    """The most probable crossing orders of a traffic, and the prediction of each.
+
+    The probability of an order is in proportion to the product of its pairs' probabilities, which a network gives, over
+    all feasible orders.
+
+    Args:
+        predictor: whose policy holds an order network: those that ship do.
+        traffic: the vehicles now.
+        priorities: what is sure, as a maneuver imposes it: as of `Predictor.predict`, of one scenario.
+        mass: predict as many orders as have this probability together,
+        most: but no more than these.
+        limit: orders that share the probability at most; where there are more, they begin with the one in which each
+            pair goes as is more probable, and the least certain pairs change first.
+        noise: by what the traffic may err; without, it is taken at its word.
+
+    Raises:
+        TypeError: priorities of another dtype.
+        ValueError: a policy without an order network; priorities that are refused, or of several scenarios; a limit
+            out of range; or no traffic could be drawn in which nobody overlaps.
+    """
+    if not predictor.core_policy.can_forecast:
+        raise ValueError(
+            f'the policy "{predictor.name}" holds no order network; `python -m agents.orders` adds one to a policy file'
+        )
+    given = as_assignments(traffic, priorities)
+    if len(given) != 1:
+        raise ValueError(f"priorities of a forecast are of one scenario, not of {len(given)}")
+    if noise is None:
+        return _forecast(predictor, traffic, given[0], mass, most, limit)
+    generator = np.random.default_rng(noise.seed)
+    draws = [_drawn(predictor, traffic, given[0], noise, generator, mass, most, limit) for _ in range(noise.draws)]
+    return _average(predictor, traffic, draws)
+
+
+def _forecast(
+    predictor: Predictor, traffic: Traffic, given: NDArray[np.int8], mass: float, most: int, limit: int
+) -> Forecast:
+    bound = predictor.bound_to(traffic.intersection)
+    with naming(traffic.ids):
+        orders, probability, yielder_first, feasible, left_out = _core.order_probabilities(
+            bound, traffic.core, given, mass, most, limit
+        )
+    prediction = predictor.predict(traffic, orders)
+    return Forecast(
+        predictor,
+        traffic,
+        orders,
+        probability,
+        yielder_first,
+        feasible,
+        left_out,
+        prediction,
+        np.arange(len(orders)),
+        probability / probability.sum(),
+    )
+
+
+def _drawn(
+    predictor: Predictor,
+    traffic: Traffic,
+    given: NDArray[np.int8],
+    noise: Noise,
+    generator: np.random.Generator,
+    mass: float,
+    most: int,
+    limit: int,
+) -> Forecast:
+    """The forecast of a traffic that errs; drawn again where vehicles overlap or what is given cannot be."""
+    length = np.array([traffic.intersection.routes[route].length for route in traffic.route.tolist()])
+    sure = traffic.words(given)
+    refused = ""
+    for _ in range(TRIES):
+        position = np.clip(traffic.position + noise.position * generator.normal(size=len(traffic)), 0.0, length)
+        speed = np.maximum(traffic.speed + noise.speed * generator.normal(size=len(traffic)), 0.0)
+        try:
+            other = replace(traffic, position=position.astype(np.float32), speed=speed.astype(np.float32))
+            open_pairs = {(other.ids[i], other.ids[j]) for i, j in other.conflicts.tolist()}
+            still = [pair for pair in sure if pair in open_pairs or pair[::-1] in open_pairs]
+            return _forecast(predictor, other, other.assign(still), mass, most, limit)
+        except ValueError as error:
+            refused = str(error)
+    raise ValueError(f"no traffic with such noise in {TRIES} draws; of the last one: {refused}")
+
+
+def _average(predictor: Predictor, traffic: Traffic, draws: Sequence[Forecast]) -> Forecast:
+    """All draws as one: orders are those of the traffic's own pairs, 0 where a draw has none."""
+    mapped = [_on_pairs(traffic, draw) for draw in draws]
+    orders, order = np.unique(np.concatenate([rows for rows, _ in mapped]), axis=0, return_inverse=True)
+    each = np.concatenate([draw.probability for draw in draws]) / len(draws)
+    probability = np.bincount(order.ravel(), each, minlength=len(orders)).astype(np.float64)
+    rank = np.argsort(-probability, kind="stable")
+    place = np.empty(len(rank), np.int64)
+    place[rank] = np.arange(len(rank))
+    parts = [draw.prediction for draw in draws]
+    joined = {
+        name: np.concatenate([getattr(part, name) for part in parts])
+        for name in (
+            "position",
+            "speed",
+            "acceleration",
+            "enters",
+            "present",
+            "time_loss",
+            "minimum_distance",
+        )
+    }
+    return Forecast(
+        predictor,
+        traffic,
+        orders[rank],
+        probability[rank],
+        np.mean([first for _, first in mapped], axis=0),
+        max(draw.feasible for draw in draws),
+        max(draw.left_out for draw in draws),
+        Prediction(traffic=traffic, time=parts[0].time, **joined),
+        place[order.ravel()],
+        np.concatenate([draw.weight for draw in draws]) / len(draws),
+    )
+
+
+def _on_pairs(traffic: Traffic, draw: Forecast) -> tuple[NDArray[np.int8], NDArray[np.float64]]:
+    """A draw's orders (order, pair) and `yielder_first` (pair,) on the traffic's own pairs.
+
+    A pair that is over in the draw, as the one is past the conflict, has gone as it has gone: the other was second.
+    """
+    place = {tuple(pair): k for k, pair in enumerate(draw.traffic.conflicts.tolist())}
+    orders = np.zeros((len(draw.orders), len(traffic.conflicts)), np.int8)
+    first = np.zeros(len(traffic.conflicts))
+    for k, pair in enumerate(traffic.conflicts.tolist()):
+        if tuple(pair) in place:
+            orders[:, k] = draw.orders[:, place[tuple(pair)]]
+            first[k] = draw.yielder_first[place[tuple(pair)]]
+        else:
+            i, j = pair
+            first[k] = float(_is_past(draw.traffic, i, j))
+    return orders, first
+
+
+def _is_past(traffic: Traffic, yielder: int, prioritized: int) -> bool:
+    """Of a pair that is no longer open, whether the yielder is past the conflict."""
+    routes = int(traffic.route[yielder]), int(traffic.route[prioritized])
+    conflict = next(one for one in traffic.intersection.conflicts if (one.yielder, one.prioritized) == routes)
+    return bool(traffic.position[yielder] - 0.5 * traffic.length[yielder] >= conflict.on_yielder[1])
