@@ -14,10 +14,10 @@ if TYPE_CHECKING:
 
 RESULTS = (
     "gap_development", "gap_validation", "order_development", "order_validation", "horizon_development",
-    "horizon_validation", "replay_development", "maneuvers_validation", "closed_loop", "places", "runtime",
-    "default", "reproduced",
+    "horizon_validation", "replay_development", "replay_validation", "forecast_development", "forecast_validation",
+    "maneuvers_validation", "closed_loop", "places", "runtime", "default", "reproduced",
 )  # fmt: skip
-OPTIONAL = ("ablations", "replay_validation")
+OPTIONAL = ("ablations",)
 DIGITS = 6  # of floats
 
 

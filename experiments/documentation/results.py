@@ -20,6 +20,7 @@ from experiments.report.baseline import baselines_in, baselines_table
 from experiments.report.headlines import headlines
 from experiments.results_files import results_in
 from experiments.show.environment_speed import environments_section, training_sentence
+from experiments.show.forecast import forecast_text
 from experiments.show.gap import accuracy_table
 from experiments.show.horizon import errors_table, until_last_seen_table
 from experiments.show.predictor_speed import speed_section
@@ -83,6 +84,7 @@ def page() -> str:
         "errors": errors_table(errors),
         "until_last_seen": until_last_seen_table(errors),
         "gap": accuracy_table(results["gap_validation"]),
+        "forecasts": forecast_text(results["forecast_validation"]),
         "speed": speed_section(bench),
         "environments": environments_section(bench["environments"]),
     }

@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 from tqdm import tqdm
 
+from experiments.measure.forecasters import MeanOverOrders, MostProbableOrder
 from experiments.measure.order_handed_in import OrderHandedIn
 from experiments.results_files import write_result
 from experiments.show.horizon import QUANTITIES, errors_text, order_handed_in_text, plot_errors
@@ -69,6 +70,8 @@ class Options:
     """Names of shipped policies or rules, or policy files."""
     order_handed_in: tuple[str, ...] = ("rollout_gradient", "gail", "idm_calibrated")
     """Likewise, those that predict once more, with the recorded crossing order handed in."""
+    forecasting: tuple[str, ...] = ("rollout_gradient",)
+    """Likewise, those whose most probable order, and whose mean over the orders, is scored too."""
     split: Literal["development", "validation"] = "development"
     """What to measure on; validation is for the report only."""
     out: Path = Path("experiments/results")
@@ -229,7 +232,10 @@ def main(options: Options) -> int:
     try:
         moments, refused = moments_in(load_places(options.scenes, options.map), options.split)
         models, informed = ([Predictor.load(one) for one in of] for of in (options.policies, options.order_handed_in))
-        results = measured(models, moments, informed)
+        forecasts = [
+            form(Predictor.load(one)) for one in options.forecasting for form in (MostProbableOrder, MeanOverOrders)
+        ]
+        results = measured([*models, *forecasts], moments, informed)
         print(errors_text(results))
         print(order_handed_in_text(results))
         if options.figure:

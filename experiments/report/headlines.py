@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
+from experiments.show.forecast import BOOSTING, JOINT
 from experiments.show.tables import in_percent, in_unit
 
 Json = Mapping[str, Any]
@@ -70,6 +71,7 @@ def headlines(results: Json) -> Iterator[Row]:
     yield from _until_last_seen_rows(results["horizon_validation"], default)
     if ROLLOUTS in at_10s:
         yield from _rollout_rows(results["horizon_validation"], results["replay_validation"]["within_limits"])
+    yield from _forecast_rows(results)
     yield from _closed_loop_rows(results["closed_loop"]["drivers"]["ppo"]["gap"])
     yield from _runtime_rows(results["runtime"])
 
@@ -132,6 +134,40 @@ def _until_last_seen_rows(horizon: Json, default: str) -> Iterator[Row]:
         met = ratio["value"] < 1.0
         yield Row(f"... its {name} to constant velocity's", "", in_unit(ratio), "below 1", met, HORIZON)
     yield Row("... its bias", "", in_unit(row["distance_bias"], "m"), command=HORIZON)
+
+
+def _forecast_rows(results: Json) -> Iterator[Row]:
+    """Crossing orders with probabilities, and the predictions of them, each with our own bar."""
+    found, command = results["forecast_validation"], "python -m experiments.forecast --split validation --out out"
+    for population, of_pairs in found["orders"].items():
+        own, boosting = (of_pairs["models"][name] for name in (JOINT, BOOSTING))
+        pairs = f"orders with probabilities, {population} pairs"
+        for key, other in (("accuracy_minus_sumo", "SUMO's rule"), ("accuracy_minus_priority", "priority first")):
+            met = own[key]["low"] > 0.0
+            yield Row(f"{pairs}: right, minus {other}", "", percent(own[key]), "above 0, all of it", met, command)
+        share = own["brier"]["value"] / boosting["brier"]["value"]
+        what = f"{pairs}: Brier score to gradient boosting's"
+        yield Row(what, "", f"{share:.2f}", "at most 1.05", share <= 1.05, command)
+        error = own["calibration_error"]
+        met = error["value"] <= 0.03
+        yield Row(f"{pairs}: calibration error", "", in_unit(error, form=".3f"), "at most 0.03", met, command)
+    for time in (2, 4, 6, 8, 10):
+        held = found["positions"][str(time)]["coverage"]
+        met = 0.75 <= held["value"] <= 0.85
+        yield Row(f"80 % interval of the position at {time} s holds", "", percent(held), "75 to 85 %", met, command)
+    horizon = results["horizon_validation"]
+    for name, most, mad in (("most_probable", 0.8, 0.8), ("mean_over_orders", 0.7, None)):
+        model, called = f"{ROLLOUTS}_{name}", name.replace("_", " ")
+        at_10s, last = (horizon[key][model] for key in ("at_10s", "until_last_seen"))
+        to = "distance_rmse_to_idm_calibrated"
+        yield _ratio_row(f"{called}, 10 s: RMSE to the calibrated IDM's", at_10s[to], most)
+        if mad is not None:
+            ratio = at_10s["distance_mad_to_idm_calibrated"]
+            yield _ratio_row(f"{called}, 10 s: MAD to the calibrated IDM's", ratio, mad)
+        yield _ratio_row(f"{called}, until last seen: RMSE to the calibrated IDM's", last[to], 0.75)
+    lost = horizon["at_10s"][f"{ROLLOUTS}_most_probable"]["time_loss_rmse"]
+    met = lost["value"] <= 1.2
+    yield Row("most probable order: time-loss RMSE at 10 s", "", in_unit(lost, "s"), "at most 1.2 s", met, HORIZON)
 
 
 def _closed_loop_rows(run: Json) -> Iterator[Row]:

@@ -28,7 +28,7 @@ from experiments.report.tables import (
     until_last_seen_table,
 )
 from experiments.results_files import results_in
-from experiments.show import ablations
+from experiments.show import ablations, forecast
 from experiments.show.crossing_order import order_table
 from experiments.show.gap import accuracy_table
 from experiments.show.horizon import plot_errors
@@ -78,6 +78,7 @@ def _figures(results: Json) -> dict[str, Figure]:
         "horizon": plot_errors(horizon, drawn),
         "runtime": plot_runtimes(results["runtime"]),
         "maneuvers": plot_gain(results["maneuvers_validation"]),
+        "reliability": forecast.plot_reliability(results["forecast_validation"]),
         "accelerations": plot_accelerations(
             run, {name: NAMES[name] for name in DRIVERS if name in run["acceleration"]}
         ),
@@ -159,6 +160,7 @@ def _sections(results: Json) -> Iterator[str]:
     yield "The same on development, by which all choices were made, with every seed:"
     yield errors_table(development)
     yield from _alone(results)
+    yield from _forecasts(results)
     yield (
         "## Closed loop\n\n12 vehicles, 20 worlds for 2000 s each; drivers act by their mean, without limits. The"
         " rollout gradient's has never driven without them, and GAIL's pays next to nothing for a collision: both"
@@ -173,10 +175,25 @@ def _sections(results: Json) -> Iterator[str]:
     yield "![Gain over the share of cooperative vehicles](figures/maneuvers.svg)"
 
 
+def _forecasts(results: Json) -> Iterator[str]:
+    found = results["forecast_validation"]
+    yield (
+        f"## Forecasts\n\nProbabilities of crossing orders by the policy `{found['policy']}`, at all places,"
+        " validation. *Not settled*: neither vehicle has reached the conflict at the start; log loss, Brier score and calibration"
+        " error are of these. Gradient boosting has learned from the same features of the same pairs."
+    )
+    for population, of_pairs in found["orders"].items():
+        yield f"Pairs: {population}. {of_pairs['pairs']} pairs, {of_pairs['open']} of them not settled at the start:"
+        yield forecast.order_chances_table(of_pairs)
+    yield "The order network at each place:"
+    yield forecast.order_places_table(found["orders"])
+    yield "![How often the yielder went first, over its probability](figures/reliability.svg)"
+    yield "Where vehicles will be, over the orders and what drivers do within one:"
+    yield forecast.positions_table(found["positions"])
+
+
 def _alone(results: Json) -> Iterator[str]:
-    """Drivers alone, if that was measured on both splits."""
-    if "replay_validation" not in results:
-        return
+    """Drivers alone."""
     yield (
         "Driving alone among recorded vehicles with the recorded order, as the drivers are, and kept within a"
         " prediction's limits, inside which the rollout gradient's learned; validation:"

@@ -14,6 +14,8 @@ import torch
 from agents.networks.driving import DrivingNetwork
 from agents.networks.export import driving_network
 from experiments.measure.crossing_order import order_results
+from experiments.measure.forecast import forecast_results
+from experiments.measure.forecasters import MeanOverOrders, MostProbableOrder
 from experiments.measure.horizon import measured
 from experiments.measure.maneuver_gain import maneuver_results
 from experiments.measure.runtime import Options as RuntimeOptions
@@ -39,6 +41,7 @@ UNTRAINED_SEED = 0
 COMPARED = ("gail", "ppo", "rollout_gradient", "idm", "idm_calibrated", "constant_velocity")  # in crossing orders
 DRIVERS = ("ppo", "gail", "rollout_gradient")  # with networks
 INFORMED = ("rollout_gradient", "gail", "idm_calibrated")  # predict with the recorded order handed in too
+FORECASTING = "rollout_gradient"  # of those that can: the one that predicts best
 TIMES = {"at_4s": round(4.0 / DT), "at_10s": STEPS}  # of driving alone
 
 
@@ -53,7 +56,7 @@ class Measurements:
         """All of them; validation is opened after development."""
         for split in ("development", "validation"):
             of_split = {"horizon": self._horizon, "order": self._order, "gap": self._gap_accuracy}
-            for name, work in (of_split | {"replay": self._replay}).items():
+            for name, work in (of_split | {"replay": self._replay, "forecast": self._forecast}).items():
                 self._stage(f"{name}_{split}", f"{name}_{split}", partial(work, split))
         self._stage("maneuvers", "maneuvers_validation", self._maneuvers)
         self._stage("closed_loop", "closed_loop", self._closed_loop)
@@ -77,6 +80,7 @@ class Measurements:
             everybody += [self._named(f"{name}_{seed}") for name in ("gail", "ppo", "rollout_gradient")]
         moments, _ = moments_of(scenes)
         sumo, missing = self._sumo(moments)
+        everybody += [form(self._named(FORECASTING)) for form in (MostProbableOrder, MeanOverOrders)]
         results = measured([*everybody, *sumo], moments, [self._named(name) for name in INFORMED])
         self._write(f"horizon_{split}", {"split": split, "missing": missing, **results})
 
@@ -131,6 +135,11 @@ class Measurements:
                 for name, network in networks.items()
             }
         self._write(f"replay_{split}", found)
+
+    def _forecast(self, split: str) -> None:
+        """At all places: others' models learn there too."""
+        results = forecast_results(self._named(FORECASTING), self.workspace.all_scenes(), split)
+        self._write(f"forecast_{split}", {"split": split, **results})
 
     def _maneuvers(self) -> None:
         moments, _ = moments_of(self.workspace.scenes.select("validation"))
