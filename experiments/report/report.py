@@ -179,8 +179,8 @@ def _forecasts(results: Json) -> Iterator[str]:
     found = results["forecast_validation"]
     yield (
         f"## Forecasts\n\nProbabilities of crossing orders by the policy `{found['policy']}`, at all places,"
-        " validation. *Not settled*: neither vehicle has reached the conflict at the start; log loss, Brier score and calibration"
-        " error are of these. Gradient boosting has learned from the same features of the same pairs."
+        " validation. *Not settled*: neither vehicle has reached the conflict at the start; log loss, Brier score and"
+        " calibration error are of these. Gradient boosting has learned from the same features of the same pairs."
     )
     for population, of_pairs in found["orders"].items():
         yield f"Pairs: {population}. {of_pairs['pairs']} pairs, {of_pairs['open']} of them not settled at the start:"

@@ -35,13 +35,17 @@ from intersection_env import Intersection, Predictor, Scene, Scenes
 from intersection_env.evaluation.empty_road import EmptyRoad
 from intersection_env.evaluation.gates import LEAST_SPEED
 from intersection_env.evaluation.moments import moments_of
+from intersection_env.policies.file import PolicyFile
 from intersection_env.policies.named import POLICIES, gap_decider
 from intersection_env.scenes.scene import Track
 from tests.support.own_place import own_map, own_recordings
 from tests.support.recordings import on_route, steady, write_recording
 
-MEASURED = ("_horizon", "_order", "_gap_accuracy", "_replay", "_maneuvers", "_closed_loop", "_places", "_runtime")
-STAGES = ("scenes_bendplatz", "gap", "idm", "rollout_gradient", "ppo", "gail")
+MEASURED = (
+    *("_horizon", "_order", "_gap_accuracy", "_replay", "_forecast"),
+    *("_maneuvers", "_closed_loop", "_places", "_runtime"),
+)
+STAGES = ("scenes_bendplatz", "gap", "idm", "rollout_gradient", "ppo", "gail", "forecasts")
 MERITS = {
     **{"rollout_gradient_3": -3.0, "rollout_gradient_4": -2.0, "rollout_gradient_5": -1.0},
     **{"ppo_3": 0.1, "ppo_4": 0.3, "ppo_5": 0.2, "gail_3": -4.0, "gail_4": -5.0, "gail_5": -6.0},
@@ -79,9 +83,10 @@ class Trainer:
         self.modules.append(module)
         self.told.append([module, *arguments])
         told = dict(itertools.pairwise(arguments))
-        out = Path(told["--out"]) if "--out" in told else Path(told["--run"]) / "gap.policy"
+        name = "orders.policy" if module == "agents.orders" else "gap.policy"
+        out = Path(told["--out"]) if "--out" in told else Path(told["--run"]) / name
         out.parent.mkdir(parents=True, exist_ok=True)
-        shutil.copyfile(POLICIES / out.name, out)
+        shutil.copyfile(POLICIES / ("gap.policy" if name == "orders.policy" else out.name), out)
 
     def run_trainings(self, commands: Mapping[Path, Sequence[str]], epochs: int, at_once: int) -> None:
         assert 1 <= at_once <= len(commands)
@@ -201,14 +206,13 @@ def test_bad_options_are_named_before_anything_is_trained(
 
 def test_training_keeps_the_best_seed_of_each_driver(options: Options, trainer: Trainer) -> None:
     assert main(options) == 0
-    assert trainer.modules == ["agents.gap", "agents.idm"]
+    assert trainer.modules == ["agents.gap", "agents.idm", "agents.orders"]
     assert trainer.folders == list(MERITS)
     policies = options.work / "policies"
-    assert {path.stem for path in policies.iterdir()} == {*TRAINED, *MERITS}
-    assert (policies / "ppo.policy").read_bytes() == (policies / "ppo_4.policy").read_bytes()
-    assert (policies / "gail.policy").read_bytes() == (policies / "gail_3.policy").read_bytes()
-    best = (policies / "rollout_gradient_5.policy").read_bytes()
-    assert (policies / "rollout_gradient.policy").read_bytes() == best
+    assert {path.stem for path in policies.iterdir()} == {*TRAINED, *MERITS, "orders"}
+    kept = {name: PolicyFile.read(policies / f"{name}.policy") for name in ("ppo", "gail", "rollout_gradient")}
+    assert [one.about["name"] for one in kept.values()] == ["ppo_4", "gail_3", "rollout_gradient_5"]
+    assert all(one.order_network is not None for one in kept.values())
     assert not options.out.exists()
 
 
@@ -247,7 +251,7 @@ def test_driver_that_crawls_on_an_empty_road_is_kept_only_if_every_seed_does(
     assert main(options) == 0
     policies = options.work / "policies"
     for name in ("gail", "rollout_gradient"):
-        assert (policies / f"{name}.policy").read_bytes() == (policies / f"{name}_4.policy").read_bytes()
+        assert PolicyFile.read(policies / f"{name}.policy").about["name"] == f"{name}_4"
 
 
 def test_default_predicts_best_of_those_that_pass(options: Options, trainer: Trainer) -> None:
@@ -296,7 +300,7 @@ def test_second_time_nothing_is_done_but_the_report(
     assert main(everything) == 0
     first = list(measured)
     assert first[-1] == "report"
-    last_choice = first.index("_replay_development")
+    last_choice = first.index("_forecast_development")
     assert all("development" in one for one in first[: last_choice + 1])  # validation is opened after it
     content = json.loads((options.out / "reproduced.json").read_text(encoding="utf-8"))
     assert content["about"]["recordings_validation"] == ["09"]
@@ -315,7 +319,7 @@ def test_other_recordings_are_trained_on_anew(options: Options, trainer: Trainer
     assert main(options) == 0
     record(options.recordings, "10")
     assert main(options) == 0
-    assert trainer.modules == ["agents.gap", "agents.idm"] * 2
+    assert trainer.modules == ["agents.gap", "agents.idm", "agents.orders"] * 2
     runs = {path.parent.name for path in (options.work / "runs").glob("*/ppo_3")}
     assert len(runs) == 2  # a training cannot go on with other data
 
@@ -449,7 +453,7 @@ def test_job_that_ended_early_says_why_and_goes_on_from_there(
         assert main(options) == status
     assert said in capsys.readouterr().err
     assert main(options) == 0
-    assert trainer.modules == ["agents.gap", "agents.idm"]
+    assert trainer.modules == ["agents.gap", "agents.idm", "agents.orders"]
     assert len(trainer.folders) == len(MERITS)
 
 
