@@ -80,7 +80,7 @@ class Measurements:
             everybody += [self._named(f"{name}_{seed}") for name in ("gail", "ppo", "rollout_gradient")]
         moments, _ = moments_of(scenes)
         sumo, missing = self._sumo(moments)
-        everybody += [form(self._named(FORECASTING)) for form in (MostProbableOrder, MeanOverOrders)]
+        everybody += [form(self._forecasting(FORECASTING)) for form in (MostProbableOrder, MeanOverOrders)]
         results = measured([*everybody, *sumo], moments, [self._named(name) for name in INFORMED])
         self._write(f"horizon_{split}", {"split": split, "missing": missing, **results})
 
@@ -138,12 +138,12 @@ class Measurements:
 
     def _forecast(self, split: str) -> None:
         """At all places: others' models learn there too."""
-        results = forecast_results(self._named(FORECASTING), self.workspace.all_scenes(), split)
+        results = forecast_results(self._forecasting(FORECASTING), self.workspace.all_scenes(), split)
         self._write(f"forecast_{split}", {"split": split, **results})
 
     def _maneuvers(self) -> None:
         moments, _ = moments_of(self.workspace.scenes.select("validation"))
-        results = maneuver_results(self._named(self._default), contested(moments), SEED)
+        results = maneuver_results(self._forecasting(self._default), contested(moments), SEED)
         self._write("maneuvers_validation", results)
 
     def _closed_loop(self) -> None:
@@ -169,6 +169,9 @@ class Measurements:
 
     def _named(self, name: str) -> Predictor:
         return Predictor.load(self.workspace.policy(name))
+
+    def _forecasting(self, name: str) -> Predictor:
+        return Predictor.load(self.workspace.forecasting(name))
 
     def _with_seeds(self, name: str) -> list[str]:
         """A driver's policies: the best one, and one a seed."""

@@ -44,7 +44,7 @@ def reproduce(options: Options) -> None:
 def ship(workspace: Workspace) -> None:
     """Copies the policies into the package, and says there which is the default."""
     for name in TRAINED:
-        shutil.copyfile(workspace.policy(name), POLICIES / f"{name}.policy")
+        shutil.copyfile(workspace.forecasting(name), POLICIES / f"{name}.policy")
     default = json.loads(workspace.default.read_text(encoding="utf-8"))["default"]
     with written_whole(POLICIES / "default") as temporary:
         temporary.write_text(f"{default}\n", encoding="utf-8")

@@ -70,7 +70,7 @@ class Trainings:
         stage("ppo", ["gap"], policy("ppo"), self._ppo, seeds=seeds, effort=effort)
         stage("gail", ["ppo", "idm"], policy("gail"), self._gail, effort=effort)
         makers = ["gap", "idm", "rollout_gradient", "ppo", "gail"]
-        stage("forecasts", makers, policy("orders"), self._forecasts, effort=effort)
+        stage("forecasts", makers, workspace.forecasting("orders"), self._forecasts, effort=effort)
         drivers, limits = ["rollout_gradient", "gail"], [LEAST_SPEED, LEAST_MEAN_SPEED, MOST_COLLISIONS]
         stage("default", ["idm", *drivers, "forecasts"], self.workspace.default, self._default, limits=limits)
 
@@ -127,9 +127,9 @@ class Trainings:
         run_module("agents.orders", "default", *arguments, "--run", str(run), "--epochs", str(epochs), "--resume")
         learned, places = PolicyFile.read(run / "orders.policy"), self.workspace.all_scenes()
         for name in TRAINED:
-            path = self.workspace.policy(name)
-            with_forecast(PolicyFile.read(path), order_network(learned), places, learned.about["orders"]).save(path)
-        self._keep(run / "orders.policy", "orders")
+            plain, out = PolicyFile.read(self.workspace.policy(name)), self.workspace.forecasting(name)
+            with_forecast(plain, order_network(learned), places, learned.about["orders"]).save(out)
+        _copy(run / "orders.policy", self.workspace.forecasting("orders"))
 
     def _default(self) -> None:
         policies = [Predictor.load(self.workspace.policy(name)) for name in TRAINED]
@@ -176,5 +176,9 @@ class Trainings:
         self._keep(self.workspace.policy(f"{name}_{best}"), name)
 
     def _keep(self, path: Path, name: str) -> None:
-        with written_whole(self.workspace.policy(name)) as temporary:
-            shutil.copyfile(path, temporary)
+        _copy(path, self.workspace.policy(name))
+
+
+def _copy(path: Path, out: Path) -> None:
+    with written_whole(out) as temporary:
+        shutil.copyfile(path, temporary)

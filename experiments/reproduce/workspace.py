@@ -75,6 +75,10 @@ class Workspace:
         """Where a trained policy lies."""
         return self.options.work / "policies" / f"{name}.policy"
 
+    def forecasting(self, name: str) -> Path:
+        """Where a trained policy lies with what forecasts need: what ships."""
+        return self.options.work / "forecasting" / f"{name}.policy"
+
     def scenes_of(self, place: Intersection) -> Path:
         """A place's scenes file."""
         return self.options.work / "scenes" / f"{place.name}.npz"

@@ -16,7 +16,7 @@ import pytest
 import tyro
 
 from agents.networks.driving import DrivingNetwork
-from agents.networks.export import driving_policy
+from agents.networks.export import driving_policy, gap_hash
 from agents.ppo import PROFILES as PPO_PROFILES
 from experiments.measure.runtime import Options as RuntimeOptions
 from experiments.reproduce import measurements, reproduce, trainings
@@ -106,6 +106,7 @@ def trainer(monkeypatch: pytest.MonkeyPatch) -> Trainer:
     monkeypatch.setattr(trainings, "run_module", trainer.run_module)
     monkeypatch.setattr(trainings, "run_trainings", trainer.run_trainings)
     monkeypatch.setattr(trainings, "distance_error", lambda predictor, _: -MERITS[predictor.name])
+    monkeypatch.setattr(trainings, "empty_road", lambda *_: EmptyRoad(1.0, 1.0, "", 1))  # its networks are random
     return trainer
 
 
@@ -209,10 +210,16 @@ def test_training_keeps_the_best_seed_of_each_driver(options: Options, trainer: 
     assert trainer.modules == ["agents.gap", "agents.idm", "agents.orders"]
     assert trainer.folders == list(MERITS)
     policies = options.work / "policies"
-    assert {path.stem for path in policies.iterdir()} == {*TRAINED, *MERITS, "orders"}
+    assert {path.stem for path in policies.iterdir()} == {*TRAINED, *MERITS}
     kept = {name: PolicyFile.read(policies / f"{name}.policy") for name in ("ppo", "gail", "rollout_gradient")}
     assert [one.about["name"] for one in kept.values()] == ["ppo_4", "gail_3", "rollout_gradient_5"]
-    assert all(one.order_network is not None for one in kept.values())
+    for name in TRAINED:
+        plain, forecasting = (
+            PolicyFile.read(options.work / of / f"{name}.policy") for of in ("policies", "forecasting")
+        )
+        assert plain.order_network is None
+        assert forecasting.order_network is not None
+        assert gap_hash(plain) == gap_hash(forecasting)
     assert not options.out.exists()
 
 
@@ -425,7 +432,7 @@ def test_shipping_copies_the_policies_into_the_package(
     assert (package / "default").read_text(encoding="utf-8") == f"{chosen['default']}\n"
     for name in TRAINED:
         shipped = (package / f"{name}.policy").read_bytes()
-        assert shipped == (options.work / "policies" / f"{name}.policy").read_bytes()
+        assert shipped == (options.work / "forecasting" / f"{name}.policy").read_bytes()
 
 
 @pytest.mark.parametrize(
