@@ -66,6 +66,7 @@ CORE_FLOORS = (
 COMMANDS = (
     "gap",
     "crossing_order",
+    "forecast",
     "horizon",
     "maneuver_gain",
     "closed_loop",

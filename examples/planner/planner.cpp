@@ -1,10 +1,11 @@
 // A planner's cycle: reads an intersection, who drives there and a traffic, and prints every crossing order by the time
-// it saves, the best safe one first.
+// it saves, the best safe one first; and which orders are the most probable ones if nobody intervenes.
 //
 //     planner MAP POLICY TRAFFIC [LINES]
 //
 // A line of the traffic file is one vehicle: id, route, position of its centre along the route [m], speed [m/s],
 // length [m], width [m].
+#include <algorithm>
 #include <cstdio>
 #include <cstdlib>
 #include <exception>
@@ -59,6 +60,17 @@ void print(const env::Planner& planner, const env::Traffic& traffic, const std::
     std::printf("%zu maneuvers, %zu orders left out\n", ranking.maneuvers.size(), ranking.left_out);
 }
 
+void print(const env::Planner& planner, const env::Traffic& traffic, const std::vector<std::string>& ids,
+           const env::OrderProbabilities& likely) {
+    const std::size_t shown = std::min<std::size_t>(likely.probability.size(), 3);
+    const std::vector<std::string> orders =
+        env::in_words(planner.map(), traffic, likely.pairs, ids, likely.orders.data(), shown);
+    std::printf("the most probable of %zu feasible orders:\n", likely.feasible);
+    for (std::size_t k = 0; k < shown; ++k) {
+        std::printf("%8.4f %%  %s\n", 100.0 * likely.probability[k], orders[k].c_str());
+    }
+}
+
 } // namespace
 
 int main(int count, char** arguments) try {
@@ -83,6 +95,11 @@ int main(int count, char** arguments) try {
                     static_cast<double>(best.speed[last]));
     }
     std::printf("\n");
+
+    // What the vehicles do by themselves, and how probable it is; not every policy file says it.
+    if (planner.policy().forecast) {
+        print(planner, traffic, vehicles.ids, planner.forecast(traffic).likely);
+    }
     return 0;
 } catch (const std::exception& error) {
     std::fprintf(stderr, "error: %s\n", error.what());

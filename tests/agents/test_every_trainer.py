@@ -31,11 +31,12 @@ from tests.support.trainings import (
     trainer_of,
 )
 
-TRAINERS = ("gap", "ppo", "gail", "rollout_gradient")
-LONG = {"gap": 200, "gap, cyclic": 200, "ppo": 60, "gail": 60, "rollout_gradient": 60}
+TRAINERS = ("gap", "orders", "ppo", "gail", "rollout_gradient")
+LONG = {"gap": 200, "gap, cyclic": 200, "orders": 200, "ppo": 60, "gail": 60, "rollout_gradient": 60}
 """Epochs that outlast three kills."""
 OTHERS: dict[str, list[tuple[dict[str, Any], str]]] = {
     "gap": [({"batch": 128}, 'had "batch"'), ({"foes": "recorded"}, 'had "foes"')],
+    "orders": [({"batch": 4}, 'had "batch"'), ({"policy": "gap"}, 'had "policy"')],
     "ppo": [({"update": UpdateSettings(clip=0.1)}, 'had "update"'), ({"gaps": ("gap",)}, 'had "gaps"')],
     "gail": [({"discriminator": DiscriminatorSettings()}, 'had "discriminator"')],
     "rollout_gradient": [({"huber": 1.0}, 'had "huber"'), ({"alone_share": 1.0}, 'had "alone_share"')],
@@ -112,15 +113,18 @@ def test_threads_change_no_byte(trainer: Trainer, tmp_path: Path) -> None:
 
 
 def test_main_writes_a_policy_that_loads_and_a_line_an_epoch(
-    trainer: Trainer, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    trainer: Trainer, name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     settings = replace(trainer.settings, run=tmp_path / "run")
     assert trainer.main(settings) == 0
     path = settings.run / trainer.policy
     assert f"written: {path}, in " in capsys.readouterr().out
-    policy = Predictor.load(path).policy
-    assert policy.about["made_by"] == trainer.command
-    assert policy.about["settings"] == decisive(settings)
+    policy, about = Predictor.load(path).policy, trainer.about(settings.run)
+    assert about["made_by"] == trainer.command
+    assert about["settings"] == decisive(settings)
+    assert (policy.spread is not None) == (policy.order_network is not None) == (name == "orders"), (
+        "of another's drivers"
+    )
     ClosedLoopWorlds(gap=path if policy.gap_network else "sumo").reset(0)
     rows = [json.loads(line) for line in (settings.run / METRICS).read_text().splitlines()]
     assert [row["epoch"] for row in rows] == list(range(1, 9))
@@ -139,7 +143,7 @@ def test_run_over_two_places_interrupted_by_ctrl_c_ends_like_an_unbroken_one(
     assert of_two_places.main(replace(broken, resume=True)) == 0
     assert of_two_places.outcome(broken.run) == wanted
     assert trainer.train(tmp_path / "one place")[0] != wanted[0]
-    about = PolicyFile.read(broken.run / of_two_places.policy).about
+    about = of_two_places.about(broken.run)
     assert about.get("maps", about.get("data", {}).get("maps")) == ["bendplatz", "mine"]
 
 

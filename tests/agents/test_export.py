@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,13 +11,23 @@ import pytest
 import torch
 
 from agents.networks.driving import DrivingNetwork
-from agents.networks.export import driving_policy, gap_network, policy_file, save_onnx
+from agents.networks.export import (
+    driving_policy,
+    gap_hash,
+    gap_network,
+    network_weights,
+    order_network,
+    policy_file,
+    save_onnx,
+)
 from agents.networks.gap import GapNetwork
+from agents.networks.order import ORDER_SCALE, ORDER_SHIFT, OrderNetwork
 from intersection_env import Predictor, _core
 from intersection_env.constants import ACCELERATION
-from intersection_env.features import Driving
+from intersection_env.features import ORDER_FEATURES, Driving
 from intersection_env.policies.file import PolicyFile
 from intersection_env.policies.named import gap_decider
+from tests.support.forecasts import NO_SPREAD
 from tests.support.twins import random_case
 
 
@@ -50,6 +61,38 @@ def test_exported_driving_network_equals_torch_in_the_core() -> None:
         truth = network(torch.from_numpy(features)).numpy()
     text = driving_policy(gap_decider("gap"), network, {}).text()
     np.testing.assert_allclose(_core.Policy(text, "a test").evaluate_driving(features), truth, atol=1e-5)
+
+
+def test_exported_order_network_equals_torch_in_the_core() -> None:
+    torch.manual_seed(4)
+    network = OrderNetwork()
+    generator = np.random.default_rng(1)
+    middle, deviation = (np.array(part) for part in (ORDER_SHIFT, 1.0 / np.array(ORDER_SCALE)))
+    features = generator.normal(middle, deviation, (1000, len(ORDER_FEATURES))).astype(np.float32)
+    with torch.no_grad():
+        truth = network(torch.from_numpy(features)).numpy()
+    policy = replace(PolicyFile("sumo", "idm"), order_network=network_weights(network), spread=NO_SPREAD)
+    np.testing.assert_allclose(_core.Policy(policy.text(), "a test").evaluate_order(features), truth, atol=1e-5)
+    read = order_network(PolicyFile.parse(policy.text(), "a test"))
+    with torch.no_grad():
+        np.testing.assert_array_equal(read(torch.from_numpy(features)).numpy(), truth)
+    with pytest.raises(ValueError, match="the policy holds no order network"):
+        order_network(PolicyFile("sumo", "idm"))
+
+
+def test_what_is_made_from_a_decider_keeps_none_of_its_forecasts() -> None:
+    """They are those of whoever drove by it."""
+    assert Predictor.load("gap").policy.spread is not None
+    made = driving_policy(gap_decider("gap"), DrivingNetwork(), {})
+    assert made.order_network is None
+    assert made.spread is None
+    assert made.text().startswith("intersection_env policy 1\n")
+
+
+def test_hash_of_what_decides_about_gaps_does_not_depend_on_forecasts() -> None:
+    full = Predictor.load("gap").policy
+    assert gap_hash(full) == gap_hash(gap_decider("gap")) == gap_hash(replace(full, about={}))
+    assert gap_hash(full) != gap_hash(replace(full, gap="sumo", gap_network=None))
 
 
 def test_predictor_drives_by_the_exported_network(tmp_path: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 import subprocess
 import sys
@@ -9,13 +10,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
-from intersection_env import Intersection, Predictor, _core, rank_maneuvers
+from intersection_env import Forecast, Intersection, Predictor, _core, forecast, rank_maneuvers
 from tests.conftest import MAP_NAMES
 from tests.hardening.planner import (
     RANDOM,
     TRAFFIC,
     assert_same,
+    assert_same_forecast,
     printed,
     random_traffic,
     read_traffic,
@@ -66,10 +69,18 @@ def planner(prefix: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return built(ROOT / "examples" / "planner", tmp_path_factory.mktemp("planner"), prefix)
 
 
+@pytest.fixture(scope="module")
+def forecasts(prefix: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A program that writes forecasts, built against the installed core."""
+    program = (ROOT / "tests" / "hardening" / "cpp" / "forecasts.cpp").read_text()
+    return built_alone(program, tmp_path_factory.mktemp("forecasts"), prefix)
+
+
 def test_example_prints_the_ranking_of_python(planner: Path, prefix: Path, tmp_path: Path) -> None:
     python = rank_maneuvers(Predictor.load("gap"), read_traffic(TRAFFIC))
     cpp = printed([str(planner)], prefix, TRAFFIC)
     assert_same(cpp, python)
+    assert_same_forecast(cpp, read_traffic(TRAFFIC))
     assert cpp.order.tolist() == python.order.tolist()
     assert len(cpp) > 10
     assert python.worth_executing.any(), "the example shows an intervention that pays"
@@ -84,7 +95,41 @@ def test_example_ranks_random_traffic_as_python_does(planner: Path, prefix: Path
         cpp = printed(["env", f"INTERSECTION_ENV_ISA={kernel}", str(planner)], prefix, tmp_path / "traffic.txt", name)
         python = rank_maneuvers(Predictor.load("gap"), traffic)
         assert_same(cpp, python)
+        assert_same_forecast(cpp, traffic)
         assert cpp.order.tolist() == python.order.tolist()
+
+
+@pytest.mark.parametrize("name", MAP_NAMES)
+def test_forecast_is_that_of_python_to_the_byte(forecasts: Path, prefix: Path, tmp_path: Path, name: str) -> None:
+    """Without and with an order that is given, the other way round than is probable."""
+    share = prefix / "share" / "intersection_env"
+    predictor = Predictor.load("gail")
+    several = given_ones = 0
+    for seed in range(RANDOM):
+        traffic = random_traffic(name, seed)
+        write_traffic(traffic, tmp_path / "traffic.txt")
+        free = forecast(predictor, traffic)
+        for given in given_to(free):
+            files = (share / "maps" / f"{name}.map", share / "policies" / "gail.policy", tmp_path / "traffic.txt")
+            command = map(str, (forecasts, *files, *given.tolist()))
+            environment = {**os.environ, "INTERSECTION_ENV_ISA": _core.kernel_name()}
+            done = subprocess.run(list(command), capture_output=True, check=True, env=environment)
+            found = forecast(predictor, traffic, given if len(given) else None)
+            prediction = (found.prediction.position, found.prediction.time_loss)
+            parts = (found.orders, found.probability, found.yielder_first, *prediction, found.position_quantiles())
+            assert done.stdout == b"".join(np.ascontiguousarray(part).tobytes() for part in parts)
+            several += len(found.orders) > 1
+            given_ones += len(given) > 0
+    assert several > 2
+    assert given_ones > 0
+
+
+def given_to(free: Forecast) -> list[NDArray[np.int8]]:
+    """Nothing; and the first pair that goes both ways the less probable way round."""
+    both = np.flatnonzero((free.orders != free.orders[0]).any(axis=0))
+    given = np.zeros(free.orders.shape[1], np.int8)
+    given[both[:1]] = -free.orders[0, both[:1]]
+    return [given[:0], *([given] if len(both) else [])]
 
 
 @pytest.mark.parametrize(

@@ -16,6 +16,7 @@ from intersection_env.policies.file import PolicyFile
 from intersection_env.policies.named import POLICIES
 from tests.support.core_and_twin import weights
 from tests.support.damage import thinned
+from tests.support.forecasts import forecasting
 from tests.support.twins import random_networks
 
 
@@ -30,7 +31,9 @@ def write_seeds(folder: Path) -> None:
     for file in POLICIES.glob("*.policy"):
         shutil.copy(file, folder / "policy" / file.name)
     gap, driving = random_networks(np.random.default_rng(0))
-    PolicyFile("network", "network", weights(gap), weights(driving)).save(folder / "policy" / "networks.policy")
+    networks = PolicyFile("network", "network", weights(gap), weights(driving))
+    networks.save(folder / "policy" / "networks.policy")
+    forecasting(np.random.default_rng(0), networks)[0].save(folder / "policy" / "forecasts.policy")
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""The C++ example planner beside Python: the same traffic, the same ranking.
+"""The C++ example planner beside Python: the same traffic, the same ranking, the same most probable orders.
 
 `python -m tests.hardening.planner PREFIX COMMAND...` compares what the command (an emulator, valgrind, the example)
 prints; PREFIX is where the core was installed. `make harden` runs it with sanitizers, under valgrind and for ARM64.
@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from intersection_env import Intersection, Predictor, Traffic, Vehicle, rank_maneuvers
+from intersection_env import Intersection, Predictor, Traffic, Vehicle, forecast, rank_maneuvers
 from tests.conftest import MAP_NAMES
 from tests.support.paths import ROOT
 from tests.support.twins import random_case
@@ -24,6 +24,8 @@ TRAFFIC = ROOT / "examples" / "planner" / "traffic.txt"
 NUMBERS = ["total_time_loss", "worst_time_loss", "gain", "minimum_distance"]
 FLAGS = ["followed", "safe", "worth_executing"]
 TOLERANCE = 1e-3  # [s], [m]
+CHANCE_TOLERANCE = 1e-2  # [%]
+MASS = 95.0  # [%], of which the orders are predicted
 RANDOM = 6  # random traffics a map
 
 
@@ -49,7 +51,7 @@ def random_traffic(name: str, seed: int) -> Traffic:
 
 
 def printed(command: Sequence[str], prefix: Path, path: Path, name: str = "bendplatz") -> pd.DataFrame:
-    """The ranking that the example prints."""
+    """The ranking that the example prints; in `attrs["probable"]` the chances of the most probable orders [%]."""
     share = prefix / "share" / "intersection_env"
     files = [share / "maps" / f"{name}.map", share / "policies" / "gap.policy", path]
     done = subprocess.run([*command, *map(str, files), "100000"], capture_output=True, text=True, check=False)
@@ -64,6 +66,10 @@ def printed(command: Sequence[str], prefix: Path, path: Path, name: str = "bendp
         table[flag] = table[flag] == "yes"
     assert lines[last].startswith(f"{len(table)} maneuvers, ")
     table.attrs["left_out"] = int(lines[last].split()[2])
+    begin = next(k for k, line in enumerate(lines) if line.startswith("the most probable of "))
+    table.attrs["feasible"] = int(lines[begin].split()[4])
+    chances = (line.split(maxsplit=2) for line in lines[begin + 1 :])
+    table.attrs["probable"] = {order: float(chance) for chance, _, order in chances}
     return table
 
 
@@ -78,6 +84,19 @@ def assert_same(cpp: pd.DataFrame, python: pd.DataFrame) -> None:
         assert (cpp[flag].to_numpy() == by_order[flag].to_numpy()).all()
 
 
+def assert_same_forecast(cpp: pd.DataFrame, traffic: Traffic) -> None:
+    """The same three most probable orders, chances within what is printed; orders that near may change places."""
+    python = forecast(Predictor.load("gap"), traffic, mass=1.0)
+    chances = 100.0 * python.probability
+    by_order = dict(zip(python.words(), chances.tolist(), strict=True))
+    probable = cpp.attrs["probable"]
+    assert cpp.attrs["feasible"] == python.feasible
+    assert len(probable) == min(3, len(chances)) or sum(probable.values()) > MASS
+    np.testing.assert_allclose(list(probable.values()), chances[: len(probable)], atol=CHANCE_TOLERANCE)
+    for order, chance in probable.items():
+        assert abs(by_order[order] - chance) < CHANCE_TOLERANCE, order
+
+
 def main() -> int:
     """Compares the example's own traffic, and random ones on both maps."""
     prefix, command = Path(sys.argv[1]), sys.argv[2:]
@@ -89,8 +108,9 @@ def main() -> int:
             write_traffic(traffic, path)
             cpp = printed(command, prefix, path, traffic.intersection.name)
             assert_same(cpp, rank_maneuvers(Predictor.load("gap"), traffic))
+            assert_same_forecast(cpp, traffic)
             maneuvers += len(cpp)
-    print(f"{' '.join(command)}: {len(cases)} rankings, {maneuvers} maneuvers, all as Python's")
+    print(f"{' '.join(command)}: {len(cases)} rankings and forecasts, {maneuvers} maneuvers, all as Python's")
     return 0
 
 

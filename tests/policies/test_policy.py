@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,15 +10,34 @@ import pytest
 
 from intersection_env import Predictor, _core
 from intersection_env.policies.file import PolicyFile
+from intersection_env.policies.named import POLICIES, policy_named
 from tests.reference import predictor as reference
 from tests.support.core_and_twin import weights
 from tests.support.damage import damages, with_checksum
+from tests.support.forecasts import forecasting
 from tests.support.twins import CASES, random_case, random_networks
+
+PLAIN = """intersection_env policy 1
+about {"made_by": "a test"}
+dt 0.2
+acceleration_scale 6
+gap sumo
+driver idm
+idm 1.5 1 2.5 4 8 1 1000
+"""
+"""A file of version 1, as it was before there were forecasts; the checksum is to follow."""
+
+
+WITH_FORECASTS = pytest.mark.parametrize("forecasts", [False, True], ids=["plain", "forecasts"])
 
 
 def policy() -> PolicyFile:
     gap, driving = random_networks(np.random.default_rng(0))
     return PolicyFile("network", "network", weights(gap), weights(driving))
+
+
+def with_forecasts() -> PolicyFile:
+    return forecasting(np.random.default_rng(0), policy())[0]
 
 
 def test_predictor_loads_a_policy_file_and_writes_nothing_else(tmp_path: Path) -> None:
@@ -53,6 +73,45 @@ def test_policy_file_round_trip_is_exact(tmp_path: Path) -> None:
     assert PolicyFile.read(tmp_path / "b.policy").text() == PolicyFile("sumo", "idm").text()
 
 
+def test_file_of_version_2_keeps_order_network_and_spread_to_the_bit(tmp_path: Path) -> None:
+    written = with_forecasts()
+    written.save(tmp_path / "a.policy")
+    read = PolicyFile.read(tmp_path / "a.policy")
+    assert read.text() == written.text()
+    assert read.text().startswith("intersection_env policy 2\n")
+    assert read.order_network is not None
+    assert read.spread is not None
+    assert written.order_network is not None
+    assert written.spread is not None
+    np.testing.assert_array_equal(read.spread.scale, written.spread.scale)
+    np.testing.assert_array_equal(read.spread.shape, written.spread.shape)
+    np.testing.assert_array_equal(read.order_network.scale, written.order_network.scale)
+    for (weight, bias), (again, bias_again) in zip(
+        written.order_network.layers, read.order_network.layers, strict=True
+    ):
+        np.testing.assert_array_equal(again, weight)
+        np.testing.assert_array_equal(bias_again, bias)
+    assert _core.Policy(read.text(), "a").can_forecast
+
+
+def test_file_of_version_1_is_read_and_written_as_ever() -> None:
+    read = PolicyFile.parse(with_checksum(PLAIN), "plain")
+    assert (read.gap, read.driver, read.about) == ("sumo", "idm", {"made_by": "a test"})
+    assert read.order_network is None
+    assert read.spread is None
+    assert read.text() == with_checksum(PLAIN)
+    assert not _core.Policy(read.text(), "plain").can_forecast
+
+
+@pytest.mark.parametrize("path", sorted(POLICIES.glob("*.policy")), ids=lambda path: path.stem)
+def test_shipped_policy_is_written_as_it_was_read_and_is_one_of_version_1_without_its_forecasts(path: Path) -> None:
+    policy, _ = policy_named(path.stem)
+    assert policy.text() == path.read_text()
+    plain = replace(policy, order_network=None, spread=None).text().splitlines()
+    assert plain[0] == "intersection_env policy 1"
+    assert plain[1:-1] == policy.text().splitlines()[1 : len(plain) - 1]
+
+
 def test_core_evaluates_the_networks_as_the_twin_does() -> None:
     gap, driving = random_networks(np.random.default_rng(2))
     core = _core.Policy(PolicyFile("network", "network", weights(gap), weights(driving)).text(), "test")
@@ -66,11 +125,22 @@ def test_core_evaluates_the_networks_as_the_twin_does() -> None:
         core.evaluate_gap(features)
 
 
-def rewritten(old: str, new: str) -> str:
-    text = policy().text()
+def rewritten(old: str, new: str, text: str = "") -> str:
+    text = text or policy().text()
     assert old in text
     body = text[: text.rindex("checksum ")].replace(old, new, 1)
     return with_checksum(body)
+
+
+def in_forecasts(old: str, new: str) -> str:
+    return rewritten(old, new, with_forecasts().text())
+
+
+def with_shape(levels: str) -> str:
+    """Its first quantiles are these."""
+    text = with_forecasts().text()
+    (old,) = [line for line in text.splitlines() if line.startswith("spread_shape ")][:1]
+    return rewritten(old, f"spread_shape {levels}", text)
 
 
 @pytest.mark.parametrize(
@@ -90,7 +160,20 @@ def rewritten(old: str, new: str) -> str:
         ),
         (rewritten("layer 16 16", "layer 16 17"), "16 outputs and 16 inputs was expected"),
         (rewritten("bias ", "bias inf "), "16 numbers were expected, not 17"),
-        (rewritten("policy 1", "policy 3"), 'version "3"'),
+        (rewritten("policy 1", "policy 3"), 'is of version "3", this package reads version 1 to 2'),
+        (rewritten("policy 1", "policy 2"), 'the file ends where "inputs" was expected'),
+        (in_forecasts("policy 2", "policy 1"), "nothing was expected here but the checksum"),
+        (in_forecasts("inputs 21", "inputs 20"), "must have 21 inputs"),
+        (in_forecasts("\nmerging ", "\ncrossing "), '"merging" was expected, not "crossing"'),
+        (in_forecasts("layer 16 21", "layer 16 12"), "16 outputs and 21 inputs was expected"),
+        (in_forecasts("spread_scale ", "spread_scale -"), "the scale of a spread must not be negative"),
+        (in_forecasts("spread_scale ", "spread_scale 1 "), "5 numbers were expected, not 6"),
+        (in_forecasts("spread_scale ", "spread_width "), '"spread_scale" was expected, not "spread_width"'),
+        (in_forecasts("spread_scale ", "spread_scale 1e6"), "a finite number was expected|must be below 1000000"),
+        (in_forecasts("spread_scale ", "spread_scale nan"), "a finite number was expected"),
+        (with_shape("0 " * 17 + "0"), "19 numbers were expected, not 18"),
+        (with_shape("0 " * 17 + "1 0"), "the quantiles of a spread must not fall"),
+        (with_shape("-1e6" + " 0" * 18), "the scale and the quantiles of a spread must be below 1000000"),
         (rewritten("yielder_speed_mps ", "yielder_speed_mps 3e38 "), "2 numbers were expected, not 3"),
         (rewritten("layer 1 16\nbias ", "layer 1 16\nbias 3e38"), "a weight must be below|a finite number"),
     ],
@@ -124,10 +207,11 @@ def test_policy_file_that_is_no_text_is_named(tmp_path: Path) -> None:
         Predictor.load(path)
 
 
-def test_damage_anywhere_with_a_right_checksum_never_crashes() -> None:
+@WITH_FORECASTS
+def test_damage_anywhere_with_a_right_checksum_never_crashes(forecasts: bool) -> None:
     """Bytes changed, lines lost, doubled or cut, and the end cut off: refused in words, or a policy that predicts."""
     traffic, _ = random_case("bendplatz", 20_003)
-    body = policy().text().rpartition("checksum ")[0]
+    body = (with_forecasts() if forecasts else policy()).text().rpartition("checksum ")[0]
     refused = 0
     for damaged in damages(body, 1500 * CASES, np.random.default_rng(1)):
         try:
@@ -137,13 +221,19 @@ def test_damage_anywhere_with_a_right_checksum_never_crashes() -> None:
             refused += 1
             continue
         no_intervention = np.zeros((1, len(traffic.conflicts)), np.int8)
-        predicted = _core.Predictor(traffic.intersection.core, core).predict(traffic.core, no_intervention, True, True)
+        predictor = _core.Predictor(traffic.intersection.core, core)
+        predicted = predictor.predict(traffic.core, no_intervention, True, True)
         assert np.isfinite(predicted[0]).all()
+        if forecasts:
+            found = _core.order_probabilities(predictor, traffic.core, no_intervention[0], 0.95, 64, 10_000)
+            assert np.isfinite(found[1]).all()
+            assert np.isfinite(_core.position_quantiles(core, np.ones(1), predicted[0], np.array([0.0, 1.0]))).all()
     assert 500 * CASES < refused < 1450 * CASES
 
 
-def test_every_cut_of_a_policy_is_refused() -> None:
-    text = policy().text()
+@WITH_FORECASTS
+def test_every_cut_of_a_policy_is_refused(forecasts: bool) -> None:
+    text = (with_forecasts() if forecasts else policy()).text()
     for end in range(0, len(text) - 1, 7):
         with pytest.raises(ValueError, match=r"cut short|not a file|checksum|version"):
             _core.Policy(text[:end], "cut.policy")

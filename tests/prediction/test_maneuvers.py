@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
+import pandas as pd
 import pytest
 from numpy.typing import NDArray
 
-from intersection_env import Prediction, Predictor, Traffic, Vehicle, _core, crossing_orders, rank_maneuvers
+from intersection_env import Prediction, Predictor, Traffic, Vehicle, _core, crossing_orders, forecast, rank_maneuvers
 from intersection_env.prediction.measures import crossing_order
 from tests.conftest import MAP_NAMES
 from tests.reference import predictor as reference
 from tests.reference.outputs import followed
 from tests.support.busy_traffic import T, busy
+from tests.support.forecasts import forecasting
 from tests.support.twins import CASES, random_case, twin_map
 
 
@@ -65,7 +69,7 @@ def test_ranking_is_that_of_all_orders_predicted_and_sorted(name: str) -> None:
         total, safe = time_loss.astype(np.float64).sum(axis=1), followed & (distance >= 0.5)
         rows = sorted(range(len(orders)), key=lambda k: (not safe[k], not followed[k], total[k]))
         unfollowed += int((~followed).sum())
-        table = rank_maneuvers(predictor, traffic)
+        table = rank_maneuvers(predictor, traffic, by="prediction")
         np.testing.assert_allclose(table.total_time_loss, total[rows], rtol=1e-12)
         np.testing.assert_array_equal(table.followed, followed[rows])
         np.testing.assert_array_equal(table.safe, safe[rows])
@@ -85,10 +89,124 @@ def test_a_limit_keeps_the_orders_nearest_to_no_intervention() -> None:
     predictor = Predictor.load("gap")
     realized = crossing_order(traffic, predictor.predict(traffic))[0]
     first = next(crossing_orders(traffic, preferred=realized, batch=2))
-    table = rank_maneuvers(predictor, traffic, limit=2)
+    table = rank_maneuvers(predictor, traffic, limit=2, by="prediction")
     kept = {tuple(row) for row in table.priorities[table.intervention]}
     assert kept == {tuple(row) for row in first}
-    assert table.attrs["left_out"] == len(rank_maneuvers(predictor, traffic)) - 3
+    assert table.attrs["left_out"] == len(rank_maneuvers(predictor, traffic, by="prediction")) - 3
+
+
+def expected(
+    predictor: Predictor, traffic: Traffic, twin: reference.Traffic, cooperative: NDArray[np.bool_]
+) -> dict[tuple[int, ...] | None, dict[str, float]]:
+    """The columns of each maneuver, by what it imposes, and of no intervention, by None."""
+    orders = np.concatenate(list(crossing_orders(traffic)))
+    logit = predictor.core_policy.evaluate_order(predictor.bound_to(traffic.intersection).observe_orders(traffic.core))
+    weight = np.exp(0.5 * (orders @ logit.astype(np.float64)))
+    predicted = predictor.predict(traffic, orders)
+    lost = predicted.time_loss.astype(np.float64)
+    total, worst = lost.sum(axis=1), lost.max(axis=1, initial=0.0)
+    followed = orders_followed(traffic, twin, orders, predicted)
+    safe = followed & (predicted.minimum_distance >= 0.5)
+    imposed = np.where(cooperative[traffic.conflicts].all(axis=1), orders, 0)
+    groups: dict[tuple[int, ...] | None, NDArray[np.bool_]] = {
+        tuple(row): (imposed == row).all(axis=1) for row in imposed.tolist()
+    }
+    of_all = weight / weight.sum()
+    columns = {}
+    for key, rows in (groups | {None: np.ones(len(orders), np.bool_)}).items():
+        share = np.where(rows, weight, 0.0) / weight[rows].sum()
+        likely = int(np.argmax(share))
+        gains = total[None, :] - total[:, None]  # (with it, without)
+        columns[key] = {
+            "total_time_loss": share @ total,
+            "worst_time_loss": share @ worst,
+            "gain": of_all @ total - share @ total,
+            "chance_worthwhile": 0.0 if key is None else share @ (gains > 2.0) @ of_all,
+            "chance_unsafe": share @ ~safe,
+            "minimum_distance": float(predicted.minimum_distance[likely]),
+            "followed": bool(followed[likely]),
+            "safe": bool(safe[likely]),
+        }
+    return columns
+
+
+def ranked_as_expected(
+    predictor: Predictor, traffic: Traffic, twin: reference.Traffic, cooperative: NDArray[np.bool_]
+) -> pd.DataFrame:
+    """The ranking, found to be what it should be."""
+    truth = expected(predictor, traffic, twin, cooperative)
+    ids = None if cooperative.all() else [traffic.ids[i] for i in np.flatnonzero(cooperative)]
+    table = rank_maneuvers(predictor, traffic, ids)
+    rows = table.to_dict("records")
+    found = {tuple(row["priorities"].tolist()) if row["intervention"] else None: row for row in rows}
+    assert found.keys() == truth.keys()
+    for key, columns in truth.items():
+        assert {column: found[key][column] for column in columns} == pytest.approx(columns, abs=1e-6), key
+    np.testing.assert_array_equal(table.worth_executing, table.safe & (table.gain > 2.0))
+    places = [(not row["safe"], not row["followed"], row["total_time_loss"]) for row in rows]
+    assert places == sorted(places)
+    return table
+
+
+@pytest.mark.parametrize(("name", "seed"), [("bendplatz", 178), ("t_junction", 66), ("t_junction", 147)])
+def test_a_maneuver_is_as_safe_as_its_most_probable_order_though_another_is_found_first(name: str, seed: int) -> None:
+    """In these traffics the pairs' more probable directions cannot all be had, and the most certain ones cost most."""
+    traffic, twin = random_case(name, 83_000 + seed)
+    predictor = Predictor(forecasting(np.random.default_rng(seed))[0], "random")
+    (first,) = forecast(predictor, traffic, limit=1).orders
+    most_probable = forecast(predictor, traffic).orders[0]
+    distances = predictor.predict(traffic, np.stack([first, most_probable])).minimum_distance
+    assert abs(distances[1] - distances[0]) > 0.1
+    ranked_as_expected(predictor, traffic, twin, np.zeros(len(traffic), np.bool_))
+
+
+@pytest.mark.parametrize("name", MAP_NAMES)
+@pytest.mark.parametrize("who", ["all", "some", "nobody"])
+def test_expected_ranking_is_over_all_orders_with_their_probabilities(name: str, who: str) -> None:
+    ranked = unsure = 0
+    for seed in range(30 * CASES):
+        traffic, twin = random_case(name, 83_000 + seed)
+        predictor = Predictor.load(("gap", "gail", "idm_calibrated")[seed % 3])
+        if sum(len(batch) for batch in crossing_orders(traffic)) > 200 or not len(traffic.conflicts):
+            continue
+        ranked += 1
+        flags = {"all": np.ones, "nobody": np.zeros}.get(who, np.ones)(len(traffic), np.bool_)
+        if who == "some":
+            flags = np.random.default_rng(seed).random(len(traffic)) < 0.6
+        table = ranked_as_expected(predictor, traffic, twin, flags)
+        unsure += int(((table.chance_worthwhile > 0.1) & (table.chance_worthwhile < 0.9)).sum())
+        assert who != "nobody" or len(table) == 2
+    assert ranked > 12 * CASES
+    assert who == "nobody" or unsure > 2 * CASES
+
+
+def test_by_prediction_a_policy_that_forecasts_ranks_as_it_would_without() -> None:
+    full = Predictor.load("gap")
+    plain = Predictor(replace(full.policy, order_network=None, spread=None), "plain")
+    for seed in range(5):
+        traffic, _ = random_case("bendplatz", 83_100 + seed)
+        one, other = rank_maneuvers(full, traffic, by="prediction"), rank_maneuvers(plain, traffic)
+        pd.testing.assert_frame_equal(one, other)
+        assert not {"chance_worthwhile", "chance_unsafe"} & set(one.columns)
+
+
+def test_by_expectation_a_limit_keeps_the_most_probable_orders() -> None:
+    predictor = Predictor.load("gap")
+    whole = forecast(predictor, busy(), mass=1.0, most=10_000)
+    table = rank_maneuvers(predictor, busy(), limit=1)
+    assert table.intervention.sum() == 1
+    np.testing.assert_array_equal(table.priorities[table.intervention].item(), whole.orders[0])
+    assert table.attrs["left_out"] == whole.feasible - 1
+    assert (table.gain == 0.0).all(), "no intervention is expected over the same one order"
+    few = rank_maneuvers(predictor, busy(), limit=10)
+    truncated = forecast(predictor, busy(), mass=1.0, most=10_000, limit=10)
+    kept = {tuple(row.tolist()) for row in few.priorities[few.intervention]}
+    assert kept == {tuple(row) for row in truncated.orders.tolist()}
+    none = few[~few.intervention].iloc[0]
+    assert none.total_time_loss == pytest.approx(truncated.expected_time_loss().sum(), rel=1e-9)
+    everything = rank_maneuvers(predictor, busy(), limit=None)
+    assert len(everything) == whole.feasible + 1
+    assert everything.attrs["left_out"] == 0
 
 
 def test_crossing_order_is_that_of_the_first_fronts_in_each_conflict() -> None:
@@ -167,7 +285,7 @@ def test_ranking_puts_the_best_safe_order_first_and_counts_what_it_left_out() ->
 def test_without_cooperative_vehicles_there_is_nothing_to_order() -> None:
     table = rank_maneuvers(Predictor.load("idm"), busy(), cooperative=[])
     assert len(table) == 2
-    assert table.total_time_loss.nunique() == 1
+    assert len(set(table.total_time_loss)) == 1
     few = rank_maneuvers(Predictor.load("idm"), busy(), cooperative=["a", "c", "g"])
     named = {pair for row in few.priorities for pair in busy().words(row)}
     assert 2 < len(few) < 12
@@ -189,3 +307,10 @@ def test_ranking_refuses_strangers_and_no_limit() -> None:
         rank_maneuvers(Predictor.load("idm"), busy(), cooperative=["z"])
     with pytest.raises(ValueError, match="limit must be at least 1, not 0"):
         rank_maneuvers(Predictor.load("idm"), busy(), limit=0)
+
+
+def test_ranking_refuses_what_it_cannot_rank_by() -> None:
+    with pytest.raises(ValueError, match='by must be "expectation", "prediction" or None, not \'luck\''):
+        rank_maneuvers(Predictor.load("gap"), busy(), by="luck")  # type: ignore[arg-type]
+    with pytest.raises(ValueError, match="the policy holds no order network, so it knows no probabilities"):
+        rank_maneuvers(Predictor.load("idm"), busy(), by="expectation")

@@ -7,7 +7,8 @@ order (time, vehicle, feature); metres, seconds, radians. Each file is a section
 - the model: `traffic` (distances), `lead`, `pairs`, `memory`, `observe`, `decide` (gap decision, decision, hold),
   `networks`, `drive` (IDM, network, constant velocity, advance), `predict`, `outputs`
 - the worlds: `reward`, `collisions`, `closed_loop` (one step, ends), `starts`, `recorded`, `replay`
-- crossing orders: `orders`
+- crossing orders: `orders`; how probable each is, and what drivers do within one: `order_probabilities`,
+  `position_quantiles`
 
 `predictor` and `worlds` gather what tests ask of it.
 """

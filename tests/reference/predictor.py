@@ -9,8 +9,10 @@ from tests.reference.intersection import Map, load_map
 from tests.reference.memory import Memory, initial_memory
 from tests.reference.networks import Network, evaluate
 from tests.reference.observe import observe
+from tests.reference.order_probabilities import logits, order_features, probabilities, yielder_first
 from tests.reference.orders import complete, lane_chains, orders
 from tests.reference.pairs import conflict_of, conflicts
+from tests.reference.position_quantiles import position_quantiles
 from tests.reference.predict import predict
 from tests.reference.traffic import TIME_STEP, Traffic
 
@@ -31,7 +33,12 @@ __all__ = [
     "initial_memory",
     "lane_chains",
     "load_map",
+    "logits",
     "observe",
+    "order_features",
     "orders",
+    "position_quantiles",
     "predict",
+    "probabilities",
+    "yielder_first",
 ]

@@ -17,19 +17,23 @@ import pytest
 import torch
 
 import agents.gap.train
+import agents.orders.train
 import agents.ppo
 import imitation.gail
 import imitation.rollout_gradient
 from agents.gap.train import GapSettings
+from agents.orders.train import OrderSettings
 from agents.ppo import PpoSettings
 from agents.rollouts.policy_update import UpdateSettings
 from agents.training.folder import CHECKPOINT, METRICS, RunFolder, decisive, state_hash
 from imitation.discriminator import DiscriminatorSettings
 from imitation.gail import GailSettings
 from imitation.rollout_gradient import RolloutSettings
+from intersection_env.policies.file import PolicyFile
 
 PATIENCE = 120.0  # [s]
 TINY_GAP = GapSettings(epochs=8, batch=256, checkpoint_every=3)
+TINY_ORDERS = OrderSettings(epochs=8, batch=8, every=2.0, checkpoint_every=3)
 TINY_PPO = PpoSettings(
     map=("bendplatz",),
     gaps=("critical_gap",),
@@ -89,25 +93,34 @@ class Trainer:
         assert self.main(replace(self.settings, run=run, **others)) == 0
         return self.outcome(run)
 
+    def about(self, run: Path) -> Mapping[str, Any]:
+        """What the policy says about this training; a policy with forecasts is another's but for these."""
+        about = PolicyFile.read(run / self.policy).about
+        of_orders: Mapping[str, Any] = about.get("orders", about)
+        return of_orders if self.command == agents.orders.train.COMMAND else about
+
     def outcome(self, run: Path) -> tuple[str, bytes, bytes]:
         """What two runs must share to be the same: the checkpoint's hash, the metrics and the policy."""
         return *outcome(run), (run / self.policy).read_bytes()
 
 
 def trainer_of(name: str, *scenes: Path, map: str | Path | None = None) -> Trainer:
-    """The trainer "gap", "gap, cyclic" (its schedule), "ppo", "gail" or "rollout_gradient", on these scenes files.
+    """The trainer "gap", "gap, cyclic" (its schedule), "orders", "ppo", "gail" or "rollout_gradient", on these scenes.
 
     map: an own map on which some of the scenes lie; PPO drives there and on Bendplatz.
     """
     maps = () if map is None else (str(map),)
     where: dict[str, Any] = {"scenes": scenes, "map": maps}
     of_gap = Trainer(agents.gap.train.COMMAND, agents.gap.train.main, replace(TINY_GAP, **where), "gap.policy")
+    orders = agents.orders.train
+    of_orders = Trainer(orders.COMMAND, orders.main, replace(TINY_ORDERS, **where), "orders.policy")
     of_ppo = Trainer(agents.ppo.COMMAND, agents.ppo.main, replace(TINY_PPO, map=(*TINY_PPO.map, *maps)), "ppo.policy")
     of_gail = Trainer(imitation.gail.COMMAND, imitation.gail.main, replace(TINY_GAIL, **where), "gail.policy")
     rollouts = imitation.rollout_gradient
     of_rollouts = Trainer(rollouts.COMMAND, rollouts.main, replace(TINY_ROLLOUT, **where), "rollout_gradient.policy")
     cyclic = replace(of_gap, settings=replace(of_gap.settings, schedule="cyclic"))
-    trainers = {"gap": of_gap, "gap, cyclic": cyclic, "ppo": of_ppo, "gail": of_gail, "rollout_gradient": of_rollouts}
+    trainers = {"gap": of_gap, "gap, cyclic": cyclic, "orders": of_orders}
+    trainers |= {"ppo": of_ppo, "gail": of_gail, "rollout_gradient": of_rollouts}
     return trainers[name]
 
 

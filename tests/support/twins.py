@@ -63,6 +63,14 @@ def random_networks(generator: np.random.Generator) -> tuple[reference.Network, 
     return gap, _network(generator, 12, shift, scale)
 
 
+def random_order_network(generator: np.random.Generator) -> reference.Network:
+    """An order network, likewise."""
+    of_vehicle = (30.0, 40.0, 25.0, 6.0, 12.0, 55.0, 15.0, 4.5), (0.03, 0.03, 0.03, 0.2, 0.2, 0.025, 0.08, 0.5)
+    of_pair = (0.5, 6.0, 1.0, 6.0, 1.0), (2.0, 0.2, 0.5, 0.2, 0.5)
+    shift, scale = (np.array([*of_vehicle[k], *of_vehicle[k], *of_pair[k]]) for k in (0, 1))
+    return _network(generator, len(shift), shift, scale)
+
+
 def _network(
     generator: np.random.Generator, inputs: int, shift: NDArray[np.float64], scale: NDArray[np.float64]
 ) -> reference.Network:

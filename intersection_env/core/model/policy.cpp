@@ -74,6 +74,7 @@ Network<INPUTS, UNITS> read_network(TextReader& reader, const std::array<std::st
 }
 
 Spread read_spread(TextReader& reader) {
+    const auto is_large = [](float value) { return !(std::abs(value) < LARGEST_WEIGHT); };
     Spread spread{};
     for (Spread::Second& second : spread.seconds) {
         std::ranges::copy(reader.floats("spread_scale", second.scale.size()), second.scale.begin());
@@ -83,6 +84,10 @@ Spread read_spread(TextReader& reader) {
         std::ranges::copy(reader.floats("spread_shape", second.shape.size()), second.shape.begin());
         if (!std::ranges::is_sorted(second.shape)) {
             reader.fail("the quantiles of a spread must not fall");
+        }
+        if (std::ranges::any_of(second.scale, is_large) || std::ranges::any_of(second.shape, is_large)) {
+            reader.fail("the scale and the quantiles of a spread must be below " + std::to_string(LARGEST_WEIGHT) +
+                        " in size");
         }
     }
     return spread;

@@ -1,9 +1,11 @@
-// libFuzzer on the policy file's reader, and on the networks of every policy that is let in.
+// libFuzzer on the policy file's reader, and on the networks and the spread of every policy that is let in.
 #include <cmath>
 #include <cstddef>
 #include <cstdlib>
+#include <vector>
 
 #include "fuzz.hpp"
+#include "intersection_env/forecast.hpp"
 #include "intersection_env/policy.hpp"
 #include "kernel/dispatch.hpp"
 
@@ -23,6 +25,20 @@ void evaluate(const Network<INPUTS>& network, Evaluate evaluate) {
     }
 }
 
+// Of two vehicles, one of which goes 3 m a step.
+void check_quantiles(const Spread& spread) {
+    std::vector<float> position(2 * (STEPS + 1));
+    for (std::size_t step = 0; step <= STEPS; ++step) {
+        position[2 * step] = 3.0F * static_cast<float>(step);
+    }
+    const std::vector<double> probability{1.0}, levels{0.0, 0.5, 1.0};
+    for (const float place : position_quantiles(spread, probability, position.data(), 2, levels)) {
+        if (!std::isfinite(place)) {
+            std::abort();
+        }
+    }
+}
+
 } // namespace
 
 extern "C" int LLVMFuzzerTestOneInput(const unsigned char* data, std::size_t size) {
@@ -33,6 +49,10 @@ extern "C" int LLVMFuzzerTestOneInput(const unsigned char* data, std::size_t siz
         }
         if (policy.driving_network) {
             evaluate(*policy.driving_network, kernel().evaluate_driving);
+        }
+        if (policy.forecast) {
+            evaluate(policy.forecast->order_network, kernel().evaluate_order);
+            check_quantiles(policy.forecast->spread);
         }
     } catch (const FormatError&) { // refused: what should happen to most
     }

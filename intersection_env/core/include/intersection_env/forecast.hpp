@@ -46,7 +46,7 @@ std::vector<float> observe_orders(const Predictor& predictor, const Traffic& tra
 
 // Quantiles of each vehicle's position over time [m]: over the orders, and over what drivers do within one.
 // probability: (order,); position: (order, STEPS + 1, vehicle); levels: from 0 to 1. Returns (level, STEPS + 1,
-// vehicle); nobody drives backwards. Throws std::invalid_argument for a level out of range.
+// vehicle); nobody is behind where it is now. Throws std::invalid_argument for a level out of range.
 std::vector<float> position_quantiles(const Spread& spread, std::span<const double> probability, const float* position,
                                       int vehicles, std::span<const double> levels);
 

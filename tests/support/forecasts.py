@@ -1,0 +1,31 @@
+"""Policies that forecast, with an order network and a spread of no training."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from intersection_env.policies.file import PolicyFile, Spread
+from tests.reference import predictor as reference
+from tests.support.core_and_twin import weights
+from tests.support.twins import random_order_network
+
+SECONDS, WAYS, LEVELS = 10, 5, 19
+NO_SPREAD = Spread(np.zeros((SECONDS, WAYS), np.float32), np.zeros((SECONDS, LEVELS), np.float32))
+
+
+def random_spread(generator: np.random.Generator) -> Spread:
+    """A spread of a trained one's size, another for each second and way."""
+    scale = generator.uniform(0.1, 4.0, (SECONDS, WAYS)).astype(np.float32)
+    return Spread(scale, np.sort(generator.normal(0.0, 1.5, (SECONDS, LEVELS)), axis=1).astype(np.float32))
+
+
+def forecasting(
+    generator: np.random.Generator, policy: PolicyFile | None = None, spread: Spread | None = None
+) -> tuple[PolicyFile, reference.Network]:
+    """The policy, by default the IDM with critical gaps, with random forecasts; and its order network for the twin."""
+    network = random_order_network(generator)
+    plain = PolicyFile("critical_gap", "idm") if policy is None else policy
+    spread = random_spread(generator) if spread is None else spread
+    return replace(plain, order_network=weights(network), spread=spread), network
