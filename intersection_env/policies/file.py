@@ -88,6 +88,10 @@ class PolicyFile:
     """Its output is the logit of a pair's yielder going first."""
     spread: Spread | None = None
 
+    def __post_init__(self) -> None:
+        if (self.order_network is None) != (self.spread is None):
+            raise ValueError("a policy holds an order network and a spread, or neither")
+
     @classmethod
     def read(cls, path: str | Path) -> PolicyFile:
         """The file at `path`.

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from intersection_env import _core
+from intersection_env.arguments import whole_number
 from intersection_env.prediction.maneuvers import LIMIT, in_words
 from intersection_env.prediction.predictor import Prediction, Predictor, Priorities, as_assignments
 from intersection_env.traffic import Traffic, naming
@@ -27,13 +28,21 @@ class Noise:
     """Traffics that are drawn; a forecast is their average."""
     seed: int = 0
 
+    def __post_init__(self) -> None:
+        for name in ("position", "speed"):
+            if not 0.0 <= getattr(self, name) < np.inf:
+                raise ValueError(f"{name} must be a deviation from 0 on, not {getattr(self, name)}")
+        if whole_number("draws", self.draws) < 1:
+            raise ValueError(f"draws must be at least 1, not {self.draws}")
+
 
 @dataclass(frozen=True, eq=False)
 class Forecast:
     """The next 10 s: the most probable crossing orders, and the prediction of each.
 
-    orders: (order, pair) int8 over `traffic.conflicts`, +1 yielder first, -1 prioritized first, 0 where neither can
-        stop any more; the most probable first.
+    orders: (order, pair) int8 over `traffic.conflicts`, +1 yielder first, -1 prioritized first; the most probable
+        first. 0 is left to the gap decision: where neither can stop any more, where a pair is over in a noisy draw, and
+        all of them where no order is feasible.
     probability: (order,) float64, over all feasible orders, so that those left away are missing from the sum.
     yielder_first: (pair,) float64, the probability that the yielder of each pair goes first; over all feasible orders.
     feasible: orders among which the probability was shared out; left_out: further ones, counted up to 20,000.
@@ -75,19 +84,20 @@ class Forecast:
             ValueError: a level out of range.
         """
         policy, position = self.predictor.core_policy, self.prediction.position
-        wanted = np.atleast_1d(np.asarray(levels, dtype=np.float64))
-        return _core.position_quantiles(policy, self.weight, position, np.ascontiguousarray(wanted))
+        return _core.position_quantiles(policy, self.weight, position, _checked(levels))
 
     def time_loss_quantiles(self, levels: ArrayLike = (0.1, 0.5, 0.9)) -> NDArray[np.float64]:
         """(level, vehicle) [s], over the orders.
 
         Args:
             levels: from 0 to 1.
+
+        Raises:
+            ValueError: a level out of range.
         """
-        wanted = np.atleast_1d(np.asarray(levels, dtype=np.float64))
         return np.quantile(
             self.prediction.time_loss.astype(np.float64),
-            wanted,
+            _checked(levels),
             axis=0,
             weights=np.repeat(self.weight[:, None], len(self.traffic), axis=1),
             method="inverted_cdf",
@@ -124,7 +134,7 @@ def forecast(
         noise: by what the traffic may err; without, it is taken at its word.
 
     Raises:
-        TypeError: priorities of another dtype.
+        TypeError: priorities of another dtype, or a `most` or `limit` that is no whole number.
         ValueError: a policy without an order network; priorities that are refused, or of several scenarios; a limit
             out of range; or no traffic could be drawn in which nobody overlaps.
     """
@@ -132,6 +142,9 @@ def forecast(
         raise ValueError(
             f'the policy "{predictor.name}" holds no order network; `python -m agents.orders` adds one to a policy file'
         )
+    for name, value in (("most", most), ("limit", limit)):
+        if whole_number(name, value) < 1:
+            raise ValueError(f"{name} must be at least 1, not {value}")
     given = as_assignments(traffic, priorities)
     if len(given) != 1:
         raise ValueError(f"priorities of a forecast are of one scenario, not of {len(given)}")
@@ -140,6 +153,14 @@ def forecast(
     generator = np.random.default_rng(noise.seed)
     draws = [_drawn(predictor, traffic, given[0], noise, generator, mass, most, limit) for _ in range(noise.draws)]
     return _average(predictor, traffic, draws)
+
+
+def _checked(levels: ArrayLike) -> NDArray[np.float64]:
+    """One level or a row of them, as a row."""
+    wanted = np.ascontiguousarray(np.atleast_1d(np.asarray(levels, dtype=np.float64)))
+    if wanted.ndim != 1 or not ((wanted >= 0.0) & (wanted <= 1.0)).all():
+        raise ValueError(f"levels must be a row of numbers from 0 to 1, not {levels!r}")
+    return wanted
 
 
 def _forecast(
@@ -151,6 +172,8 @@ def _forecast(
             bound, traffic.core, given, mass, most, limit
         )
     prediction = predictor.predict(traffic, orders)
+    for array in (orders, probability, yielder_first):
+        array.setflags(write=False)
     return Forecast(
         predictor,
         traffic,

@@ -59,9 +59,9 @@ def rank_maneuvers(
 ) -> pd.DataFrame:
     """Predicts every crossing order and ranks them: safe, unsafe, not followed, and each by the total time loss.
 
-    By expectation, each row is over all orders that the vehicles may find, with their probabilities (`forecast`): a
-    maneuver's over those that hold what it imposes, no intervention's over all. By prediction, each is the one
-    prediction in which all that is not imposed is left to the gap decision.
+    By expectation, each row is over the orders that the vehicles may find, with their probabilities (`forecast`): a
+    maneuver's over those that hold what it imposes, no intervention's over all that are predicted. By prediction, each
+    is the one prediction in which all that is not imposed is left to the gap decision.
 
     Args:
         predictor: who drives.
@@ -73,14 +73,14 @@ def rank_maneuvers(
         by: None: expectation where the policy holds an order network, as those that ship do, else prediction.
 
     Returns:
-        One row an order and one for no intervention: `order` (in words), `total_time_loss`, `worst_time_loss`
-        (of any vehicle) and `gain` against no intervention [s], means by expectation; by expectation also
-        `chance_worthwhile` (that the gain exceeds 2 s) and `chance_unsafe` (that the order is not followed, or bodies
-        come nearer than 0.5 m); `worth_executing` (safe, and a gain above 2 s), `minimum_distance` [m], `followed` (in
-        the order's own prediction nobody enters a conflict before the vehicle that the order puts first has cleared
-        it) and `safe` (followed, and at least 0.5 m), by expectation those of the most probable order;
-        `intervention` (bool), `priorities` ((pair,) int8, as `Predictor.predict` takes them; `Traffic.words` names
-        them).
+        One row an order and one for no intervention: `order` (in words), `total_time_loss`, `worst_time_loss` (of any
+        vehicle) and `gain` against no intervention [s], means by expectation; by expectation also `chance_worthwhile`
+        (that the gain exceeds 2 s, if what happens with and without were drawn apart) and `chance_unsafe` (that the
+        order is not followed, or bodies come nearer than 0.5 m); `worth_executing` (safe, and a gain above 2 s),
+        `minimum_distance` [m], `followed` (in the order's own prediction nobody enters a conflict before the vehicle
+        that the order puts first has cleared it) and `safe` (followed, and at least 0.5 m), by expectation those of the
+        most probable order; `intervention` (bool), `priorities` ((pair,) int8, as `Predictor.predict` takes them;
+        `Traffic.words` names them).
 
     Raises:
         TypeError: `cooperative` is one id, not a collection of them.
@@ -94,6 +94,8 @@ def rank_maneuvers(
     if by not in (*RANKED_BY, None):
         raise ValueError(f'by must be "expectation", "prediction" or None, not {by!r}')
     by_expectation = predictor.core_policy.can_forecast if by is None else by == "expectation"
+    if by_expectation and not predictor.core_policy.can_forecast:
+        raise ValueError(f'the policy "{predictor.name}" holds no order network, so nothing can be expected of it')
     columns, left_out = _core.rank_maneuvers(
         predictor.bound_to(traffic.intersection), traffic.core, _flags(traffic, cooperative), limit, by_expectation
     )

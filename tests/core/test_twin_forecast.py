@@ -96,7 +96,7 @@ def test_probabilities_equal_those_of_all_orders_by_brute_force(name: str, is_gi
         np.testing.assert_allclose(first, reference.yielder_first(truth, logits), atol=1e-9)
         compared += len(truth) > 1
         conditions += bool(given.any())
-    assert compared > 12 * CASES
+    assert compared > 10 * CASES
     assert not is_given or conditions > 10 * CASES
 
 

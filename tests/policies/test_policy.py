@@ -165,7 +165,7 @@ def with_shape(levels: str) -> str:
         (in_forecasts("policy 2", "policy 1"), "nothing was expected here but the checksum"),
         (in_forecasts("inputs 21", "inputs 20"), "must have 21 inputs"),
         (in_forecasts("\nmerging ", "\ncrossing "), '"merging" was expected, not "crossing"'),
-        (in_forecasts("layer 16 21", "layer 16 12"), "16 outputs and 21 inputs was expected"),
+        (in_forecasts("layer 32 21", "layer 32 12"), "32 outputs and 21 inputs was expected"),
         (in_forecasts("spread_scale ", "spread_scale -"), "the scale of a spread must not be negative"),
         (in_forecasts("spread_scale ", "spread_scale 1 "), "5 numbers were expected, not 6"),
         (in_forecasts("spread_scale ", "spread_width "), '"spread_scale" was expected, not "spread_width"'),

@@ -68,13 +68,13 @@ def random_order_network(generator: np.random.Generator) -> reference.Network:
     of_vehicle = (30.0, 40.0, 25.0, 6.0, 12.0, 55.0, 15.0, 4.5), (0.03, 0.03, 0.03, 0.2, 0.2, 0.025, 0.08, 0.5)
     of_pair = (0.5, 6.0, 1.0, 6.0, 1.0), (2.0, 0.2, 0.5, 0.2, 0.5)
     shift, scale = (np.array([*of_vehicle[k], *of_vehicle[k], *of_pair[k]]) for k in (0, 1))
-    return _network(generator, len(shift), shift, scale)
+    return _network(generator, len(shift), shift, scale, units=32)
 
 
 def _network(
-    generator: np.random.Generator, inputs: int, shift: NDArray[np.float64], scale: NDArray[np.float64]
+    generator: np.random.Generator, inputs: int, shift: NDArray[np.float64], scale: NDArray[np.float64], units: int = 16
 ) -> reference.Network:
-    sizes = ((16, inputs), (16, 16), (1, 16))
+    sizes = ((units, inputs), (units, units), (1, units))
     layers = tuple(
         (generator.normal(0, 1.2 / np.sqrt(shape[1]), shape), generator.normal(0, 0.1, shape[0])) for shape in sizes
     )

@@ -127,7 +127,9 @@ Ranking expected_maneuvers(const Predictor& predictor, const Traffic& traffic,
         groups[found->second].second.push_back(row);
     }
     for (const auto& [imposed, rows] : groups) {
-        append(imposed, rows);
+        if (all.found.feasible) {
+            append(imposed, rows);
+        }
     }
     return ranking;
 }

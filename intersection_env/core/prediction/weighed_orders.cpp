@@ -69,6 +69,7 @@ WeighedOrders weigh_orders(const Predictor& predictor, const Traffic& traffic, s
     }
     result.left_out = search.count_remaining(MOST_COUNTED);
     if (result.logarithm.empty()) {
+        result.feasible = false;
         result.orders = fixed;
         result.logarithm = {0.0};
     }

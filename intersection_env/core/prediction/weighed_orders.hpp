@@ -15,7 +15,8 @@ namespace intersection_env {
 struct WeighedOrders {
     std::vector<Pair> pairs;         // find_conflicts of the traffic
     std::vector<float> logits;       // (pair,) of the yielder going first
-    std::vector<std::int8_t> orders; // (order, pair), at least one
+    std::vector<std::int8_t> orders; // (order, pair), at least one: what is given alone, where none is feasible
+    bool feasible = true;            // whether any is
     std::vector<double> logarithm;   // (order,) of its weight: half the sum of the logits for it, less those against it
     std::size_t left_out = 0;        // further ones, counted up to MOST_COUNTED
 

@@ -129,8 +129,8 @@ def planted(count: int, seed: int) -> list[OrderSample]:
 
 
 def test_planted_order_is_learned() -> None:
-    settings = OrderSettings(epochs=25, batch=32)
-    network = train_network(planted(500, 0), planted(200, 1), settings, progress=False)
+    settings = OrderSettings(epochs=25, batch=64)
+    network = train_network(planted(1500, 0), planted(200, 1), settings, progress=False)
     found, before = scores(network, planted(200, 2)), scores(OrderNetwork(), planted(200, 2))
     assert found["accuracy"] > 0.95 > before["accuracy"]
     assert found["log_loss"] < 0.15 < before["log_loss"]
