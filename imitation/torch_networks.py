@@ -14,7 +14,7 @@ from intersection_env.constants import ACCELERATION, DT
 from intersection_env.features import Driving
 from intersection_env.policies.file import NetworkWeights, PolicyFile
 
-LEAST_LEAD_GAP, ROUNDED_STOP = 1.0, 0.02  # [m], of what limits a network
+LEAST_LEAD_GAP, BEFORE_LINE = 1.0, 0.4  # [m], of what limits a network
 LEAST_ROOT = 1e-12  # keeps the slope of a root finite
 
 Network = Callable[[Tensor], Tensor]
@@ -81,7 +81,7 @@ def _limited(wanted: Tensor, view: View, delta: Tensor, hardest: float) -> Tenso
     lead_way = 0.5 * DT * (lead_speed + lead_next) + lead_next.square() / (2.0 * hardest)
     following = (speed + DT * wanted).clamp(min=0.0)
     slower = wanted
-    bounds = ((view.to_lead + lead_way - LEAST_LEAD_GAP, hardest), (view.to_line - ROUNDED_STOP, _core.BRAKING))
+    bounds = ((view.to_lead + lead_way - LEAST_LEAD_GAP, hardest), (view.to_line - BEFORE_LINE, _core.BRAKING))
     for (distance, b), free in zip(bounds, (torch.zeros_like(delta), delta), strict=True):
         rest = distance - 0.5 * DT * speed
         breaks = following * (0.5 * DT + following / (2.0 * b)) > rest

@@ -77,7 +77,7 @@ def limited(features: Floats, wanted: float) -> float:
     lead_stops = TIME_STEP * (lead_speed + lead_next) / 2 + lead_next**2 / (2 * NETWORK_ACCELERATION)
     bounds = [(lead_gap + lead_stops - 1.0, NETWORK_ACCELERATION)]
     if features[Feature.DELTA] == 0:
-        bounds.append((to_line - 0.02, BRAKING))
+        bounds.append((to_line - 0.4, BRAKING))
     allowed = wanted
     for distance, b in bounds:
         following = max(0.0, speed + TIME_STEP * wanted)

@@ -11,7 +11,7 @@ constexpr float LEAST_GAP = 0.1F; // [m], ours: keeps the model finite where bum
 
 // Ours, of what limits a network:
 constexpr float LEAST_LEAD_GAP = 1.0F; // [m], ours: SUMO's least; where lanes fan out, bodies are nearer than bumpers
-constexpr float ROUNDED_STOP = 0.02F;  // [m], by which a stop in whole steps may be longer than v²/2b
+constexpr float BEFORE_LINE = 0.4F;    // [m], ours: where the simulated drivers stand, clear of who passes
 
 // inverse_root: 1 / (2 sqrt(a b)). What the road alone asks for takes the speed to the free speed in a step at most:
 // where that is low, the fourth power would throw it to and fro.
@@ -42,7 +42,7 @@ inline Floats limited(const VehicleLanes& vehicle, Floats acceleration, float ha
     const Floats to_lead = fused(vehicle.lead_speed, all(0.5F * DT), vehicle.lead_distance - LEAST_LEAD_GAP) +
                            way_after(lead_next, hardest);
     const Floats behind_lead = fused(vehicle.speed, all(-0.5F * DT), to_lead);
-    const Floats before_line = fused(vehicle.speed, all(-0.5F * DT), vehicle.distance_to_stop_line - ROUNDED_STOP);
+    const Floats before_line = fused(vehicle.speed, all(-0.5F * DT), vehicle.distance_to_stop_line - BEFORE_LINE);
     const Floats next = most(fused(acceleration, all(DT), vehicle.speed), all(0.0F));
     const Ints close = way_after(next, hardest) > behind_lead;
     const Ints held = ~vehicle.delta & (way_after(next, BRAKING) > before_line);
