@@ -79,6 +79,7 @@ statistics: $(VENV)/.package
 pages: demo reproduce bench
 	cp out/demo/errors.csv experiments/results/errors.csv
 	cp out/demo/positions.png docs/pictures/positions.png
+	cp out/demo/forecast.png docs/pictures/forecast.png
 	$(RUN) -m intersection_env.plots bendplatz --out docs/pictures/bendplatz.png
 	$(RUN) -m intersection_env.plots t_junction --out docs/pictures/t_junction.png
 	$(RUN) -m intersection_env.plots crossroads --out docs/pictures/crossroads.png

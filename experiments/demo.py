@@ -23,7 +23,9 @@ from intersection_env.files import written_whole
 from intersection_env.maps.intersection import Intersection
 from intersection_env.plots.animation import animate
 from intersection_env.plots.files import write_figure
+from intersection_env.plots.forecast_plot import plot_forecast
 from intersection_env.plots.prediction_plot import plot_positions, short_ids
+from intersection_env.prediction.forecast import forecast
 from intersection_env.prediction.maneuvers import COUNT_LIMIT, LIMIT, WORTHWHILE_GAIN, rank_maneuvers
 from intersection_env.prediction.predictor import Prediction, Predictor
 from intersection_env.scenes.scenes import Scenes
@@ -135,6 +137,10 @@ def _rank(moment: Moment, predictor: Predictor, out: Path) -> None:
     )
     print(_ranking(table, traffic))
     print(_verdict(table))
+    found = forecast(predictor, traffic)
+    print(f"the most probable order, without intervention ({found.probability[0]:.0%}): {found.words()[0]}")
+    write_figure(plot_forecast(found), out / "forecast.png")
+    _written(out / "forecast.png")
     default = predictor.predict(traffic)
     interventions = table[table["intervention"]]
     best = predictor.predict(traffic, interventions["priorities"].iloc[0]) if orders else default

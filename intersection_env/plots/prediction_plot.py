@@ -48,7 +48,7 @@ def plot_positions(
     for axes, prediction, title in zip(panels, (default, best), titles, strict=True):
         _draw_positions(axes, prediction, changed)
         axes.set_title(title, fontsize=10, loc="left")
-    start = _past_conflict(traffic, default.position[0, :1])[0, _conflicting(traffic)]
+    start = past_conflict(traffic, default.position[0, :1])[0, _conflicting(traffic)]
     low = max(-SHOWN_BEFORE, float(start.min(initial=0.0)) - 4.0)
     panels[0].set(xlim=(-0.9, default.time[-1] + 0.3), ylim=(low, SHOWN_BEYOND))
     panels[0].set_ylabel("front bumper past its first conflict [m]")
@@ -71,8 +71,8 @@ def _conflicting(traffic: Traffic) -> list[int]:
     return [int(i) for i in np.unique(traffic.conflicts)]
 
 
-def _past_conflict(traffic: Traffic, position: NDArray[np.float32]) -> NDArray[np.float32]:
-    """How far each front bumper is past the vehicle's first conflict: (time, vehicle) [m]."""
+def past_conflict(traffic: Traffic, position: NDArray[np.float32]) -> NDArray[np.float32]:
+    """How far each front bumper is past the vehicle's first conflict [m]; position: (..., vehicle)."""
     return np.asarray(position + traffic.length / 2 - _first_conflicts(traffic), dtype=np.float32)
 
 
@@ -85,7 +85,7 @@ def _first_conflicts(traffic: Traffic) -> NDArray[np.float32]:
 
 def _draw_positions(axes: Axes, prediction: Prediction, changed: set[int]) -> None:
     traffic = prediction.traffic
-    past = np.ma.masked_array(_past_conflict(traffic, prediction.position[0]), ~prediction.present[0])
+    past = np.ma.masked_array(past_conflict(traffic, prediction.position[0]), ~prediction.present[0])
     conflicting = _conflicting(traffic)
     axes.axhline(0.0, color=INK, linewidth=0.8, zorder=1.0)
     for i in range(len(traffic)):
@@ -125,11 +125,11 @@ def _draw_recorded(axes: Axes, traffic: Traffic, time: NDArray[np.float32], reco
 def _draw_ids(axes: Axes, prediction: Prediction, low: float) -> None:
     """Writes the ids of the conflicting vehicles where their lines begin, apart from each other."""
     traffic, ids = prediction.traffic, short_ids(prediction.traffic)
-    past = _past_conflict(traffic, prediction.position[0])
+    past = past_conflict(traffic, prediction.position[0])
     conflicting = sorted(_conflicting(traffic), key=lambda i: float(past[0, i]))
     colour = {i: route_colour(traffic.intersection, int(traffic.route[i])) for i in conflicting}
     shown = [i for i in conflicting if low + 1.0 <= past[0, i] <= SHOWN_BEYOND]
-    heights = _apart(past[0, shown].astype(np.float64), (SHOWN_BEYOND - low) / 32.0)
+    heights = apart(past[0, shown].astype(np.float64), (SHOWN_BEYOND - low) / 32.0)
     for i, height in zip(shown, heights.tolist(), strict=True):
         axes.plot([-0.25, 0.0], [height, past[0, i]], color=colour[i], linewidth=0.6)
         axes.text(-0.3, height, ids[i], color=colour[i], fontsize=7, ha="right", va="center")
@@ -141,7 +141,7 @@ def _draw_ids(axes: Axes, prediction: Prediction, low: float) -> None:
             axes.text(time + 0.02, low + 0.8, ids[i], color=colour[i], fontsize=7, bbox=box, **place)
 
 
-def _apart(values: NDArray[np.float64], gap: float) -> NDArray[np.float64]:
+def apart(values: NDArray[np.float64], gap: float) -> NDArray[np.float64]:
     """Ascending values moved as little as needed to be `gap` apart."""
     groups: list[tuple[float, int]] = []  # sum of (value - rank * gap), and how many; merged while they touch
     for value in values.tolist():

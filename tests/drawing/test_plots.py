@@ -11,13 +11,14 @@ import pytest
 from matplotlib.axes import Axes
 from PIL import Image
 
-from intersection_env import Intersection, Prediction, Predictor, Traffic, Vehicle
+from intersection_env import Intersection, Prediction, Predictor, Traffic, Vehicle, forecast
 from intersection_env.files import written_whole
 from intersection_env.maps.intersection import XY
 from intersection_env.plots import animation
 from intersection_env.plots.__main__ import main
 from intersection_env.plots.animation import animate
 from intersection_env.plots.files import write_figure
+from intersection_env.plots.forecast_plot import plot_forecast
 from intersection_env.plots.map_plot import plot_map
 from intersection_env.plots.prediction_plot import plot_positions, short_ids
 
@@ -249,3 +250,13 @@ def test_animation_of_nothing_or_of_another_kind_is_refused(
     with pytest.raises(ValueError, match=r"must end in \.png"):
         write_figure(plot_positions(*predictions), tmp_path / "figure.jpg")
     assert not list(tmp_path.iterdir())
+
+
+def test_forecast_shows_a_fan_a_vehicle_and_a_bar_an_order() -> None:
+    vehicles = [Vehicle("a", "SE-NW", 90.0, 12.0), Vehicle("b", "SW-NE", 75.0, 6.0), Vehicle("c", "NW-SE", 130.0, 9.0)]
+    found = forecast(Predictor.load(), Traffic.of(Intersection.load("bendplatz"), vehicles))
+    fans, bars = plot_forecast(found).axes
+    assert len(fans.collections) == len(np.unique(found.traffic.conflicts)), "who has no conflict has no fan"
+    assert [bar.get_width() for bar in bars.patches] == pytest.approx((100.0 * found.probability[:8]).tolist())
+    assert bars.texts[0].get_text().endswith(found.words()[0])
+    assert {text.get_text() for text in fans.texts} <= set(found.traffic.ids)

@@ -23,7 +23,7 @@ MOVERS = {
     "bendplatz": [(1, "NW-NE", 100.0, 3.5), (2, "SE-NW", 80.0, 7.0), (3, "SE-NW", 100.0, 7.0)],
     "t_junction": [(1, "S-W", 65.0, 3.0), (2, "W-E", 95.0, 7.0), (3, "W-E", 115.0, 7.0)],
 }
-FILES = ["animation.gif", "errors.csv", "positions.png", "scenes.npz"]
+FILES = ["animation.gif", "errors.csv", "forecast.png", "positions.png", "scenes.npz"]
 
 
 @pytest.fixture(params=MOVERS)
