@@ -17,7 +17,7 @@ RESULTS = (
     "horizon_validation", "replay_development", "maneuvers_validation", "closed_loop", "places", "runtime",
     "default", "reproduced",
 )  # fmt: skip
-OPTIONAL = ("ablations", "replay_validation")
+OPTIONAL = ("ablations", "replay_validation", "driven_gain_validation")
 DIGITS = 6  # of floats
 
 

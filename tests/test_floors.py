@@ -68,6 +68,8 @@ COMMANDS = (
     "crossing_order",
     "horizon",
     "maneuver_gain",
+    "driven_gain",
+    "forecast",
     "closed_loop",
     "runtime",
     "sumo_predictor",
