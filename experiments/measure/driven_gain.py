@@ -18,10 +18,10 @@ from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from experiments.measure.driven_plans import Order, Plan, jobs_of, plan_of
 from experiments.measure.driven_scores import REAL, Samples, differences, noise_figures, ranking_figures
-from experiments.models.driven_on import Driven, Job, driven_on, drivers_of
+from experiments.models.driven_on import Driven, driven_on
 from experiments.models.from_trajectories import lost_time, minimum_distance, prediction_of_trajectories
 from experiments.results_files import write_result
 from experiments.show.driven_gain import driven_text, plot_driven
@@ -30,32 +30,15 @@ from intersection_env.evaluation.moments import Moment, contested, thinned
 from intersection_env.evaluation.places import moments_in
 from intersection_env.plots.files import write_figure
 from intersection_env.policies.named import DEFAULT
-from intersection_env.prediction.maneuvers import RANKED_BY, rank_maneuvers
+from intersection_env.prediction.maneuvers import RANKED_BY
 from intersection_env.prediction.measures import crossing_order
 from intersection_env.prediction.predictor import Predictor
 from intersection_env.scenes.places import load_places
 from intersection_env.traffic import Traffic
 
-LATER = 2 * STEPS  # driven in all
 LEAST_DISTANCE = 0.5  # [m], below which an order is unsafe
 HARD = 4.0  # [m/s²], paper, Eq. (3): full braking
 MOMENTS = 600  # at most
-SEARCHED = 12  # orders of a moment at most, of which all are driven
-
-Order = NDArray[np.int8]
-
-
-class Plan(NamedTuple):
-    """What is driven at one moment.
-
-    best: by ranking the gain predicted [s] and the order, None where no maneuver is safe. orders: the runs beside the
-    one without. all_driven: whether they are all feasible orders.
-    """
-
-    moment: Moment
-    best: Mapping[str, tuple[float, Order] | None]
-    orders: tuple[Order, ...]
-    all_driven: bool
 
 
 class Run(NamedTuple):
@@ -76,30 +59,6 @@ class Run(NamedTuple):
     def flags(self) -> list[float]:
         """HIT, NEAR, HARD."""
         return [float(self.distance <= 0.0), float(self.distance < LEAST_DISTANCE), float(self.braking > HARD)]
-
-
-def plan_of(predictor: Predictor, moment: Moment) -> Plan:
-    """The best safe maneuver of each ranking, and all orders where they are few."""
-    best: dict[str, tuple[float, Order] | None] = {}
-    driven: dict[bytes, Order] = {}
-    for by in RANKED_BY:
-        ranked = rank_maneuvers(predictor, moment.traffic, by=by)  # type: ignore[arg-type]
-        orders = ranked[ranked.intervention]
-        safe = orders[orders.safe]
-        best[by] = (float(safe.gain.iloc[0]), safe.priorities.iloc[0]) if len(safe) else None
-        all_driven = len(orders) + ranked.attrs["left_out"] <= SEARCHED
-        wanted = orders.priorities if all_driven else safe.priorities.iloc[:1]
-        driven |= {order.tobytes(): order for order in wanted}
-    return Plan(moment, best, tuple(driven.values()), all_driven)
-
-
-def jobs_of(plan: Plan, number: int, seed: int) -> tuple[Job, Job]:
-    """What SUMO has to drive, and once more without maneuver under another seed of its own."""
-    kinds = [track.road_user for track in plan.moment.tracks()]
-    drivers = drivers_of(plan.moment.traffic, kinds, seed, number)
-    own, other = np.random.default_rng((seed, number)).integers(2**31 - 1, size=2).tolist()
-    traffic = plan.moment.traffic
-    return Job(traffic, drivers, own, (None, *plan.orders), LATER), Job(traffic, drivers, other, (None,), LATER)
 
 
 def measured(traffic: Traffic, driven: Driven) -> Run:
@@ -125,19 +84,19 @@ def rows_of_plan(plan: Plan, runs: Sequence[Run], again: Run) -> dict[str, list[
     """
     without, *others = runs
     under = {order.tobytes(): run for order, run in zip(plan.orders, others, strict=True)}
-    gains = [without.loss - run.loss for run in others if run.distance > 0.0 and not run.unheld]
+    gains = [without.loss - run.loss for run in others if run.distance > 0.0]
     found = {}
     for by, best in plan.best.items():
         if best is None:
             continue
-        predicted, order = best
-        run = under[order.tobytes()]
+        run = under[best.order.tobytes()]
         found[by] = [
-            *(predicted, without.loss - run.loss, without.later - run.later),
-            float(not run.unheld and not (run.crossed * order < 0).any()),
-            float(not (without.crossed * order < 0).any()),
+            *(best.gain, without.loss - run.loss, without.later - run.later),
+            float(not run.unheld and not (run.crossed * best.order < 0).any()),
+            float(not (without.crossed * best.order < 0).any()),
             *(*run.flags, *without.flags, without.loss, without.loss - again.loss),
             max([0.0, *gains]) if plan.all_driven else np.nan,
+            best.chance,
         ]
     return found
 

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from intersection_env.evaluation.intervals import interval
 from intersection_env.prediction.maneuvers import WORTHWHILE_GAIN
 
+LIKELY = 0.8  # ours: from this chance on a gain is likely; on development such gains are real in nine cases of ten
 REAL = 0.8  # of the gains above 2 s, by the issue's bar
 
 Floats = NDArray[np.float64]
@@ -27,7 +28,8 @@ class Column(IntEnum):
     KEPT: nobody crossed against the order, and all who were told to wait could. ALREADY: without it nobody crossed
     against it either. HIT, NEAR, HARD: within 20 s bodies overlapped, came nearer than 0.5 m, somebody braked harder
     than 4 m/s²; each also WITHOUT. LOSS: without it, in 10 s. NOISE: that loss minus the one under another seed of
-    SUMO. BEST: realised gain of the best of all orders or of no intervention, NaN where not all were driven.
+    SUMO. BEST: realised gain of the best of all orders without a collision, or of no intervention; NaN where not
+    all were driven. CHANCE: that the gain exceeds 2 s, as predicted; NaN where the ranking gives none.
     """
 
     PREDICTED = 0
@@ -44,6 +46,7 @@ class Column(IntEnum):
     LOSS = 11
     NOISE = 12
     BEST = 13
+    CHANCE = 14
 
 
 MEANS = ("PREDICTED", "REALISED", "LATER", "HIT", "NEAR", "HARD", "HIT_WITHOUT", "NEAR_WITHOUT", "HARD_WITHOUT")
@@ -72,8 +75,9 @@ def figures_of(samples: Samples) -> dict[str, Any] | None:
     Returns:
         `moments`; with intervals over recordings the means of `MEANS`, `correlation`, `by_rule` (realised gain a moment
         of who executes what promises more than 2 s), `regret` and `regret_always` (of that, and of always executing,
-        against the better of executing and not), `saved` (realised gain as a share of the loss without); `promised`: as
-        of `_promised`; `searched`: as of `_searched`.
+        against the better of executing and not), `saved` (realised gain as a share of the loss without); `promised`, as
+        of `_promised` those with a predicted gain above 2 s, `likely` those of them with a chance of at least 80 % that
+        it exceeds 2 s; `searched`: as of `_searched`.
     """
     if not any(map(len, samples.values())):
         return None
@@ -85,18 +89,19 @@ def figures_of(samples: Samples) -> dict[str, Any] | None:
     figures["saved"] = interval(
         samples, lambda rows: float(rows[:, Column.REALISED].sum() / rows[:, Column.LOSS].sum())
     )
-    rest = {"promised": _promised(samples), "searched": _searched(samples)}
+    promised = {name: rows[rows[:, Column.PREDICTED] > WORTHWHILE_GAIN] for name, rows in samples.items()}
+    likely = {name: rows[rows[:, Column.CHANCE] >= LIKELY] for name, rows in promised.items()}
+    rest = {"promised": _promised(promised), "likely": _promised(likely), "searched": _searched(samples)}
     return {"moments": sum(map(len, samples.values())), **{key: _rounded(one) for key, one in figures.items()}, **rest}
 
 
-def _promised(samples: Samples) -> dict[str, Any] | None:
-    """Of the moments with a predicted gain above 2 s, None without any.
+def _promised(there: Samples) -> dict[str, Any] | None:
+    """Whether what was promised came, None of no moments.
 
     Returns:
         `moments`; shares `real` (the realised gain is positive), `real_worthwhile` (it is above 2 s) and `real_later`
         (positive in 20 s); means `predicted`, `realised` and `later` [s].
     """
-    there = {name: rows[rows[:, Column.PREDICTED] > WORTHWHILE_GAIN] for name, rows in samples.items()}
     if not any(map(len, there.values())):
         return None
     figures = {

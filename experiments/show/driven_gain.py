@@ -45,8 +45,21 @@ def driven_text(results: Mapping[str, Any]) -> str:
         f" safe order imposed on all vehicles; {kept}. Another seed of SUMO alone changes all vehicles' time loss by"
         f" {noise['median']:.2f} s (median; {noise['p90']:.2f} s at 90 %).\n\n"
         f"{gains_table(results)}\n\n{rule_table(results)}\n\n{safety_table(results)}\n\n"
+        f"{_likely_text(results['rankings']['expectation']['all'])}"
         f"Mean realised gain by expectation minus by prediction: {in_unit(gap['always'], 's')}; where gains above 2 s"
         f" are executed, {in_unit(gap['by_rule'], 's')}.\n\n{bars}"
+    )
+
+
+def _likely_text(found: Mapping[str, Any]) -> str:
+    """Of gains above 2 s that are likely to be; nothing where there are none."""
+    one = found["likely"]
+    if one is None:
+        return ""
+    return (
+        f"Of the gains above 2 s by expectation, {one['moments']} have a chance of at least 80 % to exceed 2 s: real in"
+        f" {in_percent(one['real'], '%')}, above 2 s in {in_percent(one['real_worthwhile'], '%')}, realised"
+        f" {in_unit(one['realised'], 's')}.\n\n"
     )
 
 

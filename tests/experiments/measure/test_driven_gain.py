@@ -10,18 +10,8 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from experiments.measure.driven_gain import (
-    LATER,
-    Options,
-    Plan,
-    Run,
-    driven_results,
-    jobs_of,
-    main,
-    measured,
-    plan_of,
-    rows_of_plan,
-)
+from experiments.measure.driven_gain import Options, Run, driven_results, main, measured, rows_of_plan
+from experiments.measure.driven_plans import LATER, Plan, Promise, jobs_of, plan_of
 from experiments.measure.driven_scores import Column, differences, figures_of, ranking_figures
 from experiments.models.driven_on import driven_on
 from experiments.results_files import rounded
@@ -34,15 +24,15 @@ BOTH: tuple[Literal["expectation", "prediction"], ...] = ("expectation", "predic
 SAMPLES = {
     "12": np.array(
         [
-            # predicted, realised, later, kept, already, hit, near, hard, the same without, loss, noise, best
-            [3.0, 4.0, 5.0, 1, 0, 0, 0, 0, 0, 0, 1, 10.0, 0.1, 6.0],
-            [2.5, 1.0, 0.5, 1, 0, 0, 1, 1, 0, 0, 1, 10.0, -0.3, np.nan],
+            # predicted, realised, later, kept, already, hit, near, hard, the same without, loss, noise, best, chance
+            [3.0, 4.0, 5.0, 1, 0, 0, 0, 0, 0, 0, 1, 10.0, 0.1, 6.0, 0.9],
+            [2.5, 1.0, 0.5, 1, 0, 0, 1, 1, 0, 0, 1, 10.0, -0.3, np.nan, 0.5],
         ]
     ),
     "13": np.array(
         [
-            [4.0, -1.0, -2.0, 0, 0, 1, 1, 0, 0, 1, 0, 20.0, 0.0, 0.0],
-            [1.0, 2.0, 1.0, 1, 1, 0, 0, 0, 0, 0, 0, 10.0, 0.2, 2.0],
+            [4.0, -1.0, -2.0, 0, 0, 1, 1, 0, 0, 1, 0, 20.0, 0.0, 0.0, 0.8],
+            [1.0, 2.0, 1.0, 1, 1, 0, 0, 0, 0, 0, 0, 10.0, 0.2, 2.0, 0.1],
         ]
     ),
 }
@@ -76,7 +66,9 @@ def test_planned_is_the_best_safe_order_of_each_ranking(predictor: Predictor, pl
             safe = ranked[ranked.safe & ranked.intervention]
             planned = plan.best[by]
             assert planned is not None
-            assert planned[0] == pytest.approx(safe.gain.max())
+            assert planned.gain == pytest.approx(safe.gain.max())
+            chance = safe.chance_worthwhile.iloc[0] if by == "expectation" else np.nan
+            np.testing.assert_equal(planned.chance, chance)
             assert any((planned[1] == order).all() for order in plan.orders)
         feasible = int(ranked.intervention.sum())
         assert plan.all_driven == (feasible <= 12)
@@ -107,7 +99,7 @@ def run(loss: float, crossed: list[int], distance: float = 3.0, unheld: bool = F
 
 def test_rows_hold_what_was_driven_under_the_planned_order(moments: list[Moment]) -> None:
     orders = tuple(np.array(one, np.int8) for one in ([1, -1], [-1, -1], [1, 1]))
-    best = {"expectation": (2.5, orders[1]), "prediction": None}
+    best = {"expectation": Promise(2.5, orders[1], 0.7), "prediction": None}
     plan = Plan(moments[0], best, orders, True)
     runs = [run(9.0, [1, -1]), run(2.0, [1, -1], -0.1), run(10.0, [-1, 0]), run(5.0, [1, 1], 0.2)]
     found = rows_of_plan(plan, runs, run(9.5, [1, 0]))
@@ -117,6 +109,7 @@ def test_rows_hold_what_was_driven_under_the_planned_order(moments: list[Moment]
     assert (row[Column.KEPT], row[Column.ALREADY]) == (1.0, 0.0)
     assert (row[Column.LOSS], row[Column.NOISE]) == (9.0, -0.5)
     assert row[Column.BEST] == 4.0  # the first gains 7 s, but collides
+    assert row[Column.CHANCE] == 0.7
     assert (row[Column.HIT], row[Column.NEAR], row[Column.HARD]) == (0.0, 0.0, 0.0)
     assert np.isnan(rows_of_plan(plan._replace(all_driven=False), runs, runs[0])["expectation"][Column.BEST])
     for broken in (run(10.0, [1, 0]), run(10.0, [-1, 0], unheld=True)):
@@ -153,6 +146,9 @@ def test_figures_are_of_the_moments_asked_for() -> None:
     assert [promised[name]["value"] for name in ("predicted", "realised", "later")] == pytest.approx(
         [9.5 / 3, 4 / 3, 3.5 / 3], abs=1e-4
     )
+    likely = found["likely"]
+    assert likely["moments"] == 2
+    assert (likely["real"]["value"], likely["realised"]["value"]) == (0.5, 1.5)
     assert searched["moments"] == 3
     assert [searched[name]["value"] for name in ("best", "regret", "regret_always")] == pytest.approx(
         [8 / 3, 5 / 3, 1.0], abs=1e-4
