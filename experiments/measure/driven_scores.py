@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from intersection_env.evaluation.intervals import interval
 from intersection_env.prediction.maneuvers import WORTHWHILE_GAIN
 
-LIKELY = 0.8  # ours: from this chance on a gain is likely; on development such gains are real in nine cases of ten
+LIKELY = 0.8  # ours, chosen on development: from this chance on a gain is likely
 REAL = 0.8  # of the gains above 2 s, by the bar
 
 Floats = NDArray[np.float64]
