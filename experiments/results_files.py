@@ -17,7 +17,7 @@ RESULTS = (
     "horizon_validation", "replay_development", "replay_validation", "forecast_development", "forecast_validation",
     "maneuvers_validation", "closed_loop", "places", "runtime", "default", "reproduced",
 )  # fmt: skip
-OPTIONAL = ("ablations",)
+OPTIONAL = ("ablations", "driven_gain_validation")
 DIGITS = 6  # of floats
 
 

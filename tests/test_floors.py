@@ -69,6 +69,8 @@ COMMANDS = (
     "forecast",
     "horizon",
     "maneuver_gain",
+    "driven_gain",
+    "forecast",
     "closed_loop",
     "runtime",
     "sumo_predictor",

@@ -18,6 +18,7 @@ BLOCK_SPREAD = 0.35  # ours: standard deviation of the logarithm of a block's de
 BICYCLE_FLOW = 30.0  # [1/h] in all
 TRUCK_SHARE = 0.04
 BICYCLE_WIDTH = 0.65  # [m]
+KINDS = ("car", "truck_bus", "bicycle")
 TURNS = {"main": {"straight": 0.66, "left": 0.17, "right": 0.17}, "side": {"straight": 0.4, "left": 0.3, "right": 0.3}}
 
 
@@ -65,8 +66,25 @@ def draw_drivers(rng: np.random.Generator, place: Place, streams: list[Stream], 
     return [_driver(rng, str(number), *trip) for number, trip in enumerate(trips)]
 
 
-def write(drivers: list[Driver], route_edges: dict[str, tuple[str, ...]], path: Path) -> None:
-    """Write the drivers as a SUMO route file, each with a vehicle type of its own."""
+def driver_like(rng: np.random.Generator, number: str, route: str, kind: str) -> Driver:
+    """Draw a driver for a vehicle that is known to be of a kind, as one of `draw_drivers`.
+
+    kind: "car", "truck_bus" or "bicycle".
+
+    Raises:
+        ValueError: another kind.
+    """
+    if kind not in KINDS:
+        raise ValueError(f'a driver is drawn for {", ".join(KINDS)}, not for "{kind}"')
+    drawn = "bicycle" if kind == "bicycle" else "vehicle"
+    return _driver(rng, number, 0.0, route, drawn, truck_share=float(kind == "truck_bus"))
+
+
+def write(drivers: list[Driver], route_edges: dict[str, tuple[str, ...]], path: Path, *, depart: bool = True) -> None:
+    """Write the drivers as a SUMO route file, each with a vehicle type of its own: "t" and the driver's id.
+
+    depart: False leaves the trips out, so that nobody enters.
+    """
     lines = ["<routes>"]
     for route, edges in route_edges.items():
         lines.append(f'<route id="{route}" edges="{" ".join(edges)}"/>')
@@ -76,6 +94,8 @@ def write(drivers: list[Driver], route_edges: dict[str, tuple[str, ...]], path: 
             f'<vType id="t{one.id}" vClass="{one.v_class}" carFollowModel="Krauss" speedDev="0"'
             f' length="{one.length:.2f}" width="{one.width:.2f}" {traits}/>'
         )
+        if not depart:
+            continue
         arrival = "max" if one.arrival is None else f"{one.arrival:.2f}"
         lines.append(
             f'<vehicle id="{one.id}" type="t{one.id}" route="{one.route}" depart="{one.depart:.2f}"'
@@ -100,7 +120,9 @@ def _trips(
                     yield round(float(begin + rng.uniform(0.0, BLOCK)), 2), route, kind
 
 
-def _driver(rng: np.random.Generator, number: str, depart: float, route: str, kind: str) -> Driver:
+def _driver(
+    rng: np.random.Generator, number: str, depart: float, route: str, kind: str, truck_share: float = TRUCK_SHARE
+) -> Driver:
     """Draw a driver: one latent aggressiveness moves all traits together."""
     aggressive = rng.normal()
 
@@ -127,7 +149,7 @@ def _driver(rng: np.random.Generator, number: str, depart: float, route: str, ki
     if kind == "bicycle":
         slow = {"maxSpeed": trait(4.8, 0.6, 3.6, 6.2), "accel": 1.2, "decel": 2.5, "minGap": 1.0}
         return Driver(number, depart, route, kind, "bicycle", 1.8, BICYCLE_WIDTH, traits | slow)
-    if rng.random() < TRUCK_SHARE:
+    if rng.random() < truck_share:
         v_class = min(CORNERING, key=CORNERING.__getitem__)
         heavy = {"accel": 1.4, "decel": 2.5, "speedFactor": min(traits["speedFactor"], 1.0)}
         size = round(float(rng.uniform(6.5, 10.5)), 2), round(float(rng.uniform(2.3, 2.55)), 2)

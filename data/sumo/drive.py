@@ -29,6 +29,12 @@ from data.sumo.network import Network
 from data.sumo.tracks import FRAME_RATE, Motion
 
 ACTION_STEP = 0.32  # [s], ours: how often a driver decides; SUMO's waiting times depend on it
+SETTINGS = (
+    *("--step-length", str(1.0 / FRAME_RATE), "--default.action-step-length", str(ACTION_STEP)),
+    *("--step-method.ballistic", "--time-to-teleport", "-1", "--time-to-impatience", "15"),
+    *("--no-step-log", "--no-warnings"),
+)
+"""SUMO's, as the stand-in was driven."""
 OVERTAKING_GAP = 4.0, 18.0  # [m], ours: between a bicycle and the car that will overtake it
 OVERTAKING_AT = 1.0, 11.0  # [m], ours: how far beyond the junction the bicycle then is
 LEAST_BICYCLE_SPEED = 3.0  # [m/s], ours: a slower one has just stopped and wobbles
@@ -99,11 +105,10 @@ def _call_sumo(network: Network, drivers: list[Driver], seed: int, end: float, f
     write_demand(drivers, network.route_edges, demand)
     command = [
         *(program, "--net-file", str(net), "--route-files", str(demand), "--seed", str(seed), "--end", str(end)),
-        *("--step-length", str(1.0 / FRAME_RATE), "--default.action-step-length", str(ACTION_STEP)),
-        *("--step-method.ballistic", "--time-to-teleport", "-1", "--time-to-impatience", "15"),
+        *SETTINGS,
         *("--collision.check-junctions", "--collision.action", "warn", "--collision.mingap-factor", "0"),
         *("--fcd-output", str(positions), "--fcd-output.attributes", "id,lane,pos,speed,acceleration"),
-        *("--collision-output", str(collisions), "--precision", "5", "--no-step-log", "--no-warnings"),
+        *("--collision-output", str(collisions), "--precision", "5"),
     ]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     if done.returncode:

@@ -57,7 +57,7 @@ def _junction(network: Network, node: str) -> Iterable[str]:
         routes = {pair: key for key, value in network.route_edges.items() for pair in pairwise(value)}
         own = [routes[network.links[edge].before, network.links[edge].after] for edge in links]
     for index, one in enumerate(own):
-        waits = [(one, other) in network.yields for other in own]
+        waits = [network.has_signs and (one, other) in network.yields for other in own]
         foes = [(one, other) in network.yields or (other, one) in network.yields for other in own]
         yield _tag("request", index=str(index), response=_bits(waits), foes=_bits(foes), cont="0")
     yield "</junction>"

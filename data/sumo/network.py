@@ -8,7 +8,7 @@ there to its exit lane, and who yields to whom is taken from the compiled map.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -99,6 +99,8 @@ class Network:
     """By route and SUMO lane: arc length at the lane's begin [m], and metres of route per metre of lane."""
     yields: set[tuple[str, str]] = field(default_factory=set)
     """Pairs of routes that conflict: the first waits for the second."""
+    has_signs: bool = True
+    """Whether anybody waits by rule."""
 
 
 def read(path: Path = BENDPLATZ.source) -> tuple[MapSource, Network]:
@@ -116,6 +118,12 @@ def build(source: MapSource, compiled: str) -> Network:
     for route in source.routes:
         _add_route(network, source, route)
     return network
+
+
+def without_signs(network: Network) -> Network:
+    """The same ways, on which nobody waits by rule: only for those who are on the junction already."""
+    links = {edge_id: replace(link, state=LINK_STATE["priority"]) for edge_id, link in network.links.items()}
+    return replace(network, links=links, has_signs=False)
 
 
 def length(points: Points) -> float:

@@ -15,30 +15,22 @@ from __future__ import annotations
 import importlib
 import tempfile
 from collections.abc import Sequence
-from concurrent.futures import ProcessPoolExecutor
-from concurrent.futures.process import BrokenProcessPool
 from dataclasses import replace
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from data.sumo import network as sumo_network
 from data.sumo.command import command_of
 from data.sumo.places import BENDPLATZ
 from experiments.models.from_trajectories import prediction_of_trajectories
+from experiments.models.sumo_vehicles import follow, put
+from experiments.models.surviving import surviving
 from intersection_env.constants import STEPS
 from intersection_env.maps.intersection import Intersection
 from intersection_env.prediction.predictor import Prediction
 from intersection_env.traffic import Traffic
-
-CHUNK = 100  # traffics that are done again after a crash
-TRIES = 3  # of a chunk
-
-Floats = NDArray[np.float32]
-Flags = NDArray[np.bool_]
 
 
 class SumoPredictor:
@@ -86,50 +78,21 @@ class SumoPredictor:
         if traffic.intersection != self._intersection:
             raise ValueError(f"traffic is on {traffic.intersection}, SUMO on {self._intersection}")
         self._restore(traffic)
-        vehicle, routes = self._sumo.vehicle, [traffic.intersection.routes[route].id for route in traffic.route]
-        position, speed = (np.tile(one, (STEPS + 1, 1)) for one in (traffic.position, traffic.speed))
-        present = np.zeros(position.shape, np.bool_)
-        present[0] = True
-        for step in range(STEPS + 1):
-            if step:
-                self._sumo.simulationStep()
-            for id in vehicle.getIDList():
-                i = int(id)
-                begin, scale = self._network.arcs[routes[i], vehicle.getLaneID(id)]
-                position[step:, i] = begin + scale * vehicle.getLanePosition(id) - 0.5 * traffic.length[i]
-                speed[step:, i] = scale * vehicle.getSpeed(id)
-                present[step, i] = True
-        return prediction_of_trajectories(traffic, position, speed, present)
+        motions = follow(self._sumo, self._network, traffic, STEPS, lambda _: self._sumo.simulationStep())
+        return prediction_of_trajectories(traffic, *motions)
 
     def _restore(self, traffic: Traffic) -> None:
-        """Puts the vehicles, named by their indices, into an empty SUMO.
+        """Puts the vehicles into an empty SUMO.
 
         The network is loaded anew: after `loadState` lanes that were occupied before stay asleep, and the random
-        numbers go on where they were. A vehicle whose front is beyond its route's end has no place in SUMO.
+        numbers go on where they were.
         """
-        vehicle = self._sumo.vehicle
         self._sumo.load(self._command[1:])
-        for i in range(len(traffic)):
-            id, route = str(i), traffic.intersection.routes[traffic.route[i]]
-            front = float(traffic.position[i] + 0.5 * traffic.length[i])
-            if front >= route.length:
-                continue
-            is_bicycle = np.isfinite(traffic.max_speed[i])
-            vehicle.add(id, route.id, typeID="DEFAULT_BIKETYPE" if is_bicycle else "DEFAULT_VEHTYPE")
-            vehicle.setSpeedFactor(id, 1.0)
-            vehicle.setLength(id, float(traffic.length[i]))
-            vehicle.setWidth(id, float(traffic.width[i]))
-            if is_bicycle:
-                vehicle.setMaxSpeed(id, float(traffic.max_speed[i]))
-            lane, begin, scale = self._lane_at(route.id, front)
-            vehicle.moveTo(id, lane, (front - begin) / scale)
-            vehicle.setPreviousSpeed(id, float(traffic.speed[i]) / scale, 0.0)
-
-    def _lane_at(self, route: str, front: float) -> tuple[str, float, float]:
-        """SUMO's lane where a front is on a route; where the lane begins [m], and metres of route per metre of it."""
-        arcs = self._network.arcs.items()
-        reached = [(lane, begin, scale) for (of, lane), (begin, scale) in arcs if of == route and begin <= front]
-        return reached[-1]
+        is_bicycle = np.isfinite(traffic.max_speed)
+        types = ["DEFAULT_BIKETYPE" if one else "DEFAULT_VEHTYPE" for one in is_bicycle]
+        put(self._sumo, self._network, traffic, types)
+        for id in self._sumo.vehicle.getIDList():
+            self._sumo.vehicle.setSpeedFactor(id, 1.0)
 
 
 class StoredPredictions:
@@ -159,21 +122,8 @@ def predictions(traffics: Sequence[Traffic]) -> StoredPredictions:
         ModuleNotFoundError: libsumo is not installed.
         RuntimeError: SUMO crashed again and again at the same place.
     """
-    found: list[Prediction] = []
-    crashes = 0
-    while len(found) < len(traffics):
-        try:
-            with ProcessPoolExecutor(1, get_context("spawn")) as process:
-                while len(found) < len(traffics):
-                    part = traffics[len(found) : len(found) + CHUNK]
-                    made = process.submit(_predict, part).result()
-                    found += [replace(one, traffic=own) for one, own in zip(made, part, strict=True)]
-                    crashes = 0
-        except BrokenProcessPool:
-            crashes += 1
-            if crashes == TRIES:
-                raise RuntimeError(f"libsumo crashed {TRIES} times at traffics {len(found)} and on") from None
-    return StoredPredictions(found)
+    made = surviving(_predict, traffics, "traffics")
+    return StoredPredictions([replace(one, traffic=own) for one, own in zip(made, traffics, strict=True)])
 
 
 def _predict(traffics: Sequence[Traffic]) -> list[Prediction]:

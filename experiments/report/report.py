@@ -30,6 +30,7 @@ from experiments.report.tables import (
 from experiments.results_files import results_in
 from experiments.show import ablations, forecast
 from experiments.show.crossing_order import order_table
+from experiments.show.driven_gain import driven_text
 from experiments.show.gap import accuracy_table
 from experiments.show.horizon import plot_errors
 from experiments.show.maneuver_gain import gain_table, plot_gain
@@ -173,6 +174,9 @@ def _sections(results: Json) -> Iterator[str]:
     yield "## Maneuvers\n\nWhat the best safe crossing order saves against no intervention, validation:"
     yield gain_table(results["maneuvers_validation"])
     yield "![Gain over the share of cooperative vehicles](figures/maneuvers.svg)"
+    if "driven_gain_validation" in results:
+        yield "## Maneuvers driven\n\nSUMO drives on with the best safe order imposed and without, validation:"
+        yield driven_text(results["driven_gain_validation"])
 
 
 def _forecasts(results: Json) -> Iterator[str]:

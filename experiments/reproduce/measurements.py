@@ -6,6 +6,7 @@ import dataclasses
 import json
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,7 @@ import torch
 from agents.networks.driving import DrivingNetwork
 from agents.networks.export import driving_network
 from experiments.measure.crossing_order import order_results
+from experiments.measure.driven_gain import MOMENTS, driven_results
 from experiments.measure.forecast import forecast_results
 from experiments.measure.forecasters import MeanOverOrders, MostProbableOrder
 from experiments.measure.horizon import measured
@@ -29,7 +31,7 @@ from imitation.expert import expert_steps
 from imitation.replay_error import constant_velocity_network, replay_error
 from intersection_env.constants import DT, STEPS
 from intersection_env.evaluation.errors import Forecaster, evaluate
-from intersection_env.evaluation.moments import Moment, contested, moments_of
+from intersection_env.evaluation.moments import Moment, contested, moments_of, thinned
 from intersection_env.maps.intersection import Intersection
 from intersection_env.policies.file import PolicyFile
 from intersection_env.prediction.predictor import Predictor
@@ -59,6 +61,7 @@ class Measurements:
             for name, work in (of_split | {"replay": self._replay, "forecast": self._forecast}).items():
                 self._stage(f"{name}_{split}", f"{name}_{split}", partial(work, split))
         self._stage("maneuvers", "maneuvers_validation", self._maneuvers)
+        self._stage("driven_gain", "driven_gain_validation", self._driven_gain)
         self._stage("closed_loop", "closed_loop", self._closed_loop)
         self._stage("places", "places", self._places)
         self._stage("runtime", "runtime", self._runtime, scenes=self.options.scenes_timed)
@@ -83,6 +86,20 @@ class Measurements:
         everybody += [form(self._forecasting(FORECASTING)) for form in (MostProbableOrder, MeanOverOrders)]
         results = measured([*everybody, *sumo], moments, [self._named(name) for name in INFORMED])
         self._write(f"horizon_{split}", {"split": split, "missing": missing, **results})
+
+    def _driven_gain(self) -> None:
+        """Of the default, where SUMO can drive on; else why not."""
+        results: dict[str, Any] = {"missing": self._no_sumo()}
+        if not results["missing"]:
+            moments, _ = moments_of(self.workspace.scenes.select("validation"))
+            results = driven_results(self._forecasting(self._default), thinned(contested(moments), MOMENTS), SEED)
+        self._write("driven_gain_validation", {"split": "validation", **results})
+
+    def _no_sumo(self) -> dict[str, str]:
+        """Why SUMO cannot drive here; empty where it can."""
+        if self.workspace.places[0] != Intersection.load("bendplatz"):
+            return {"sumo": "there is a network for Bendplatz only"}
+        return {} if find_spec("libsumo") else {"sumo": "sumo is not installed: pip install -e '.[sumo]'"}
 
     def _sumo(self, moments: Sequence[Moment]) -> tuple[list[Forecaster], dict[str, str]]:
         """SUMO as a predictor, and why not."""

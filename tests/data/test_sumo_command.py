@@ -5,6 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 from xml.etree import ElementTree
 
+import numpy as np
+import pytest
+
+from data.sumo import demand, net_file
 from data.sumo import network as sumo_network
 from data.sumo.command import DENSER, command_of, dense_traffic, keep_present, without_drivers
 from data.sumo.demand import BLOCK
@@ -35,3 +39,43 @@ def test_state_of_libsumo_keeps_only_who_is_on_a_lane_and_their_types(tmp_path: 
     keep_present(state)
     kept = [one.get("id") for one in ElementTree.parse(state).getroot()]
     assert kept == ["t0", "t2", "0", "2", "L"]
+
+
+def test_drivers_of_known_vehicles_are_of_their_kind_and_drawn_as_all_are() -> None:
+    drawn = demand._driver(np.random.default_rng(4), "7", 0.0, "SW-NE", "vehicle")
+    assert demand.driver_like(np.random.default_rng(4), "7", "SW-NE", drawn.kind) == drawn
+    for kind in demand.KINDS:
+        drivers = [demand.driver_like(np.random.default_rng(seed), "7", "SW-NE", kind) for seed in range(40)]
+        assert {one.kind for one in drivers} == {kind}
+        assert len({one.traits["tau"] for one in drivers}) > 20
+    with pytest.raises(ValueError, match='not for "tram"'):
+        demand.driver_like(np.random.default_rng(4), "7", "SW-NE", "tram")
+
+
+def test_types_without_trips_let_nobody_enter(tmp_path: Path) -> None:
+    source, network = sumo_network.read()
+    drivers = dense_traffic(source, BLOCK)
+    demand.write(drivers, network.route_edges, tmp_path / "a.xml", depart=False)
+    root = ElementTree.parse(tmp_path / "a.xml").getroot()
+    assert [one.get("id") for one in root.iter("vType")] == [f"t{one.id}" for one in drivers]
+    assert not list(root.iter("vehicle"))
+
+
+def test_network_without_signs_differs_in_who_waits_alone(tmp_path: Path) -> None:
+    _, network = sumo_network.read()
+    roots = []
+    for name, written in (("signs", network), ("none", sumo_network.without_signs(network))):
+        net_file.write(written, tmp_path / name)
+        roots.append(ElementTree.parse(tmp_path / name).getroot())
+    signs, none = roots
+    assert {one.get("state") for one in none.iter("connection")} == {"M"}
+    assert {one.get("state") for one in signs.iter("connection")} == {"M", "m", "s"}
+    for one, other in zip(signs.iter("request"), none.iter("request"), strict=True):
+        assert one.get("foes") == other.get("foes")
+        assert set(str(other.get("response"))) <= {"0"}
+    assert any("1" in str(one.get("response")) for one in signs.iter("request"))
+    for root in roots:
+        for one in (*root.iter("connection"), *root.iter("request")):
+            for changed in ("state", "response"):
+                one.attrib.pop(changed, None)
+    assert ElementTree.tostring(signs) == ElementTree.tostring(none)

@@ -460,6 +460,12 @@ def test_what_was_not_measured_has_no_row_and_no_table(results: Results) -> None
     assert "rollout_gradient" not in summary(results, ABOUT, SECONDS)["order"]
 
 
+def test_maneuvers_driven_are_in_the_report_where_they_were_measured(results: Results) -> None:
+    assert "Maneuvers driven" not in report.report(results, ABOUT, SECONDS)
+    results["driven_gain_validation"] = {"missing": {"sumo": "not installed"}}
+    assert "Not driven: sumo: not installed." in report.report(results, ABOUT, SECONDS)
+
+
 def test_figures_that_there_are_no_samples_of_are_left_out(results: Results, monkeypatch: pytest.MonkeyPatch) -> None:
     """Nobody is extrapolated at the start where recordings are long and the map is small."""
     monkeypatch.setattr(intervals, "RESAMPLES", 20)

@@ -43,7 +43,7 @@ from tests.support.recordings import on_route, steady, write_recording
 
 MEASURED = (
     *("_horizon", "_order", "_gap_accuracy", "_replay", "_forecast"),
-    *("_maneuvers", "_closed_loop", "_places", "_runtime"),
+    *("_maneuvers", "_driven_gain", "_closed_loop", "_places", "_runtime"),
 )
 STAGES = ("scenes_bendplatz", "gap", "idm", "rollout_gradient", "ppo", "gail", "forecasts")
 MERITS = {
@@ -118,7 +118,9 @@ def measured(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     def stand_in(name: str) -> Callable[..., None]:
         def work(self: Measurements, *split: str) -> None:
             done.append("_".join((name, *split)))
-            results = {"_gap_accuracy": "gap", "_maneuvers": "maneuvers_validation"}
+            results = {"_gap_accuracy": "gap"} | {
+                one: f"{one[1:]}_validation" for one in ("_maneuvers", "_driven_gain")
+            }
             self._write("_".join((results.get(name, name[1:]), *split)), {})
 
         return work
@@ -415,6 +417,16 @@ def test_maneuvers_are_those_of_the_default_and_so_is_the_runtime_if_it_has_both
     measured._maneuvers()
     measured._runtime()
     assert seen == [default, timed]
+
+
+def test_where_sumo_is_missing_maneuvers_are_not_driven(options: Options, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(measurements, "find_spec", lambda _: None)
+    Measurements(Workspace(options))._driven_gain()
+    written = json.loads((options.out / "driven_gain_validation.json").read_text(encoding="utf-8"))
+    assert written == {
+        "split": "validation",
+        "missing": {"sumo": "sumo is not installed: pip install -e '.[sumo]'"},
+    }
 
 
 def test_shipping_copies_the_policies_into_the_package(
