@@ -13,7 +13,7 @@ from tests.support.paths import PACKAGE
 
 ROOMS = {
     "maps": "curve source meeting compiler intersection outline __main__",
-    "plots": "files colours lanes map_labels map_plot prediction_plot animation __main__",
+    "plots": "files colours lanes map_labels map_plot prediction_plot forecast_plot animation __main__",
     "render": "snapshot camera ink road_layer traffic_layer renderer of_worlds",
     "envs": "actions spaces view closed_loop replay replay_vector",
 }
