@@ -16,7 +16,6 @@ its hardest (5.5 m/s²), where the order needs it. Who cannot stop even so is ne
 
 from __future__ import annotations
 
-import importlib
 import tempfile
 from collections.abc import Sequence
 from pathlib import Path
@@ -31,7 +30,7 @@ from data.sumo.demand import Driver
 from data.sumo.drive import SETTINGS
 from data.sumo.places import BENDPLATZ
 from data.sumo.tracks import FRAME_RATE
-from experiments.models.sumo_vehicles import Motions, follow, lane_at, put
+from experiments.models.sumo_vehicles import Motions, follow, lane_at, libsumo, put
 from experiments.models.surviving import surviving
 from intersection_env.constants import DT
 from intersection_env.maps.intersection import Intersection
@@ -110,12 +109,7 @@ class DriveOn:
             ModuleNotFoundError: libsumo is not installed.
             RuntimeError: libsumo is already running in this process.
         """
-        try:
-            self._sumo: Any = importlib.import_module("libsumo")
-        except ModuleNotFoundError:
-            raise ModuleNotFoundError("sumo is not installed: pip install -e '.[sumo]'") from None
-        if self._sumo.isLoaded():
-            raise RuntimeError("libsumo is already running in this process, and there can be only one")
+        self._sumo = libsumo()
         self._folder = tempfile.TemporaryDirectory()
         self._files = {name: Path(self._folder.name) / f"{name}.xml" for name in ("signs", "order", "drivers")}
         net_file.write(self._network, self._files["signs"])

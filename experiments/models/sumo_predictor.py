@@ -12,12 +12,10 @@ libsumo crashes now and then, so `predictions` runs it in a process of its own.
 
 from __future__ import annotations
 
-import importlib
 import tempfile
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -25,7 +23,7 @@ from data.sumo import network as sumo_network
 from data.sumo.command import command_of
 from data.sumo.places import BENDPLATZ
 from experiments.models.from_trajectories import prediction_of_trajectories
-from experiments.models.sumo_vehicles import follow, put
+from experiments.models.sumo_vehicles import follow, libsumo, put
 from experiments.models.surviving import surviving
 from intersection_env.constants import STEPS
 from intersection_env.maps.intersection import Intersection
@@ -50,12 +48,7 @@ class SumoPredictor:
             ModuleNotFoundError: libsumo is not installed.
             RuntimeError: libsumo is already running in this process.
         """
-        try:
-            self._sumo: Any = importlib.import_module("libsumo")
-        except ModuleNotFoundError:
-            raise ModuleNotFoundError("sumo is not installed: pip install -e '.[sumo]'") from None
-        if self._sumo.isLoaded():
-            raise RuntimeError("libsumo is already running in this process, and there can be only one")
+        self._sumo = libsumo()
         self._folder = tempfile.TemporaryDirectory()
         self._command = [*command_of(self._network, [], Path(self._folder.name)), "--collision.action", "none"]
         self._sumo.start(self._command)
