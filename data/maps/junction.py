@@ -98,7 +98,7 @@ def chosen(circles: list[Circle], around: Circle | None) -> Circle:
     if len(circles) > 1:
         known = "; ".join(map(str, circles[:12]))
         raise ValueError(
-            f"{len(circles)} junctions are on this map; give --around x,y,radius: {known} (most crossings first)"
+            f"{len(circles)} junctions are on this map; give one by --around=x,y,radius: {known} (most crossings first)"
         )
     return circles[0]
 

@@ -195,8 +195,10 @@ def _of_positions(parts: Sequence[tuple[str, Floats]]) -> dict[str, Any]:
 def main(options: Options) -> int:
     """Measures as told, prints the tables, writes the results; returns the exit status."""
     try:
-        places = load_places(options.scenes, options.map)
-        results: Mapping[str, Any] = forecast_results(Predictor.load(options.policy), places, options.split)
+        places, predictor = load_places(options.scenes, options.map), Predictor.load(options.policy)
+        if not predictor.core_policy.can_forecast:
+            raise ValueError(f'the policy "{predictor.name}" holds no order network')
+        results: Mapping[str, Any] = forecast_results(predictor, places, options.split)
         print(forecast_text(results))
         if options.figure:
             write_figure(plot_reliability(results), options.figure)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -15,6 +16,7 @@ from intersection_env.prediction.predictor import Prediction, Predictor, Priorit
 from intersection_env.traffic import Traffic, naming
 
 MASS, MOST = 0.95, 64
+SCENARIOS = ("position", "speed", "acceleration", "enters", "present", "time_loss", "minimum_distance")
 TRIES = 100  # ours: of drawing a noisy traffic that can be
 
 
@@ -30,10 +32,13 @@ class Noise:
 
     def __post_init__(self) -> None:
         for name in ("position", "speed"):
-            if not 0.0 <= getattr(self, name) < np.inf:
-                raise ValueError(f"{name} must be a deviation from 0 on, not {getattr(self, name)}")
+            value = getattr(self, name)
+            if not isinstance(value, int | float | np.floating) or not 0.0 <= value < np.inf:
+                raise ValueError(f"{name} must be a deviation from 0 on, not {value!r}")
         if whole_number("draws", self.draws) < 1:
             raise ValueError(f"draws must be at least 1, not {self.draws}")
+        if whole_number("seed", self.seed) < 0:
+            raise ValueError(f"seed must not be negative, not {self.seed}")
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,13 +46,13 @@ class Forecast:
     """The next 10 s: the most probable crossing orders, and the prediction of each.
 
     orders: (order, pair) int8 over `traffic.conflicts`, +1 yielder first, -1 prioritized first; the most probable
-        first. 0 is left to the gap decision: where neither can stop any more, where a pair is over in a noisy draw, and
-        all of them where no order is feasible.
+        first. 0 is left to the gap decision: where neither can stop any more, and all of them where no order is
+        feasible. With noise, what is probable in the draws need not be possible in the traffic.
     probability: (order,) float64, over all feasible orders, so that those left away are missing from the sum.
     yielder_first: (pair,) float64, the probability that the yielder of each pair goes first; over all feasible orders.
     feasible: orders among which the probability was shared out; left_out: further ones, counted up to 20,000.
     prediction: scenario k is that of order `order[k]`, and `weight[k]` (scenario,) is its share of what is predicted:
-        without noise the orders in turn, with it several a draw.
+        without noise the orders in turn, with it several a draw, which begin where that one puts the vehicles.
     """
 
     predictor: Predictor
@@ -62,8 +67,14 @@ class Forecast:
     weight: NDArray[np.float64]
 
     def most_probable(self) -> Prediction:
-        """The prediction (one scenario) of the most probable order."""
-        return self.predictor.predict(self.traffic, self.orders[:1])
+        """The prediction (one scenario) of the most probable order; with noise, of the draw in which it weighs most."""
+        likely = int(np.where(self.order == 0, self.weight, -1.0).argmax())
+        every, one = self.prediction, slice(likely, likely + 1)
+        rows = {name: getattr(every, name)[one] for name in SCENARIOS}
+        memories: dict[str, Any] = {}
+        if every.hold is not None and every.priorities is not None:
+            memories = {"hold": every.hold[one], "priorities": every.priorities[one]}
+        return Prediction(traffic=self.traffic, time=every.time, **rows, **memories)
 
     def words(self) -> list[str]:
         """The orders as sequences of vehicles, as `rank_maneuvers` names them."""
@@ -145,6 +156,8 @@ def forecast(
     for name, value in (("most", most), ("limit", limit)):
         if whole_number(name, value) < 1:
             raise ValueError(f"{name} must be at least 1, not {value}")
+    if noise is not None and not isinstance(noise, Noise):
+        raise TypeError(f"noise must be a Noise, not {noise!r}")
     given = as_assignments(traffic, priorities)
     if len(given) != 1:
         raise ValueError(f"priorities of a forecast are of one scenario, not of {len(given)}")
@@ -225,18 +238,7 @@ def _average(predictor: Predictor, traffic: Traffic, draws: Sequence[Forecast]) 
     place = np.empty(len(rank), np.int64)
     place[rank] = np.arange(len(rank))
     parts = [draw.prediction for draw in draws]
-    joined = {
-        name: np.concatenate([getattr(part, name) for part in parts])
-        for name in (
-            "position",
-            "speed",
-            "acceleration",
-            "enters",
-            "present",
-            "time_loss",
-            "minimum_distance",
-        )
-    }
+    joined = {name: np.concatenate([getattr(part, name) for part in parts]) for name in SCENARIOS}
     return Forecast(
         predictor,
         traffic,
@@ -264,8 +266,8 @@ def _on_pairs(traffic: Traffic, draw: Forecast) -> tuple[NDArray[np.int8], NDArr
             orders[:, k] = draw.orders[:, place[tuple(pair)]]
             first[k] = draw.yielder_first[place[tuple(pair)]]
         else:
-            i, j = pair
-            first[k] = float(_is_past(draw.traffic, i, j))
+            first[k] = float(_is_past(draw.traffic, *pair))
+            orders[:, k] = 1 if first[k] else -1
     return orders, first
 
 

@@ -76,7 +76,9 @@ class Prediction:
         """
         step = self._step(time, scenario)
         if self.hold is None:
-            raise ValueError("these trajectories are not a Predictor's: nobody knows what the vehicles remember")
+            raise ValueError(
+                "these trajectories are not those of one traffic by a Predictor: nobody knows what vehicles remember"
+            )
         on, start = self.present[scenario, step], self.traffic
         delta, hold = start.delta, start.hold
         if step > 0:

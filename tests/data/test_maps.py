@@ -148,7 +148,7 @@ def test_of_several_junctions_one_is_chosen(tmp_path: Path, capsys: pytest.Captu
     both = Junction(one.lanelets | second)
     write_commonroad_map(tmp_path / "map.xml", both)
     message = refused(tmp_path, capsys, tmp_path / "map.xml")
-    assert "2 junctions are on this map; give --around x,y,radius" in message
+    assert "2 junctions are on this map; give one by --around=x,y,radius" in message
     assert "400,30," in message
     source = imported(tmp_path, both, "--around", "400,30,20")
     assert source.lanes["W_in"].points[-1] == pytest.approx([388.0, 28.25], abs=0.05)

@@ -192,9 +192,9 @@ def test_a_time_that_was_not_predicted_is_refused(time: float) -> None:
 
 def test_trajectories_from_elsewhere_have_no_memories() -> None:
     elsewhere = replace(Predictor.load().predict(busy()), hold=None, priorities=None)
-    with pytest.raises(ValueError, match="these trajectories are not a Predictor's"):
+    with pytest.raises(ValueError, match="these trajectories are not those of one traffic by a Predictor"):
         elsewhere.traffic_at(0.2)
-    with pytest.raises(ValueError, match="these trajectories are not a Predictor's"):
+    with pytest.raises(ValueError, match="these trajectories are not those of one traffic by a Predictor"):
         elsewhere.priorities_at(0.2)
 
 

@@ -13,7 +13,17 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from intersection_env import Forecast, Noise, Predictor, Traffic, Vehicle, _core, crossing_orders, forecast
+from intersection_env import (
+    Forecast,
+    Intersection,
+    Noise,
+    Predictor,
+    Traffic,
+    Vehicle,
+    _core,
+    crossing_orders,
+    forecast,
+)
 from intersection_env.policies.named import POLICIES
 from tests.support.busy_traffic import BENDPLATZ, T, busy
 from tests.support.forecasts import NO_SPREAD, forecasting
@@ -415,12 +425,40 @@ def test_pairs_of_a_draw_are_mapped_to_those_of_the_traffic(predictor: Predictor
     plain = forecast(predictor, traffic)
     assert (plain.orders[:, gone] == 1).all()
     noisy = forecast(predictor, traffic, noise=Noise(0.3, 0.0, draws=16))
-    assert set(noisy.orders[:, gone].tolist()) == {0, 1}, "over in some draws, open in others"
+    assert (noisy.orders[:, gone] == 1).all(), "over in some draws, open in others"
+    assert len(np.unique(noisy.orders, axis=0)) == len(noisy.orders)
     assert noisy.yielder_first[gone] == pytest.approx(1.0)
     assert set(noisy.orders[:, open_pair].tolist()) == {-1, 1}
     assert noisy.yielder_first[open_pair] == pytest.approx(plain.yielder_first[open_pair], abs=0.15)
-    most = noisy.orders[0]
-    np.testing.assert_array_equal(noisy.most_probable().position, predictor.predict(traffic, most).position)
+    likely = np.flatnonzero(noisy.order == 0)
+    drawn = noisy.prediction.position[likely[noisy.weight[likely].argmax()]]
+    np.testing.assert_array_equal(noisy.most_probable().position[0], drawn)
+
+
+def test_most_probable_order_of_noisy_draws_need_not_be_possible_in_the_traffic() -> None:
+    vehicles = [
+        Vehicle("v0", "W-E", 155.46024078991627, 13.6422397),
+        Vehicle("v1", "W-S", 84.11523907, 5.98180875),
+        Vehicle("v2", "S-E", 86.35887054623292, 8.67839467),
+    ]
+    traffic = Traffic.of(Intersection.load("t_junction"), vehicles)
+    found = forecast(Predictor.load(), traffic, noise=Noise(draws=4, seed=5))
+    assert np.isfinite(found.most_probable().position).all()
+
+
+@pytest.mark.parametrize(
+    ("wrong", "message"),
+    [
+        ({"position": -0.1}, "position must be a deviation from 0 on, not -0.1"),
+        ({"speed": float("nan")}, "speed must be a deviation from 0 on, not nan"),
+        ({"position": "a"}, "position must be a deviation from 0 on, not 'a'"),
+        ({"draws": 0}, "draws must be at least 1, not 0"),
+        ({"seed": -1}, "seed must not be negative, not -1"),
+    ],
+)
+def test_noise_that_is_none_is_refused(wrong: dict[str, Any], message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        Noise(**wrong)
 
 
 def test_what_is_given_holds_in_every_draw(predictor: Predictor) -> None:
