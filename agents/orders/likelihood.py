@@ -33,6 +33,7 @@ class OrderBatch:
 
     @classmethod
     def of(cls, samples: Sequence[OrderSample]) -> OrderBatch:
+        """These moments, at least one."""
         pairs, orders = max(len(one.recorded) for one in samples), max(len(one.orders) for one in samples)
 
         def padded(rows: Tensor) -> Tensor:
@@ -54,21 +55,27 @@ class OrderBatch:
 
         An order's weight is the product of its pairs' probabilities. Pairs that no order decides count by themselves.
         """
-        weight = 0.5 * torch.einsum("mop,mp->mo", self.orders, logit)
-        feasible = weight.masked_fill(~self.feasible, IMPOSSIBLE).logsumexp(1)
-        possible = weight.masked_fill(~self.possible, IMPOSSIBLE).logsumexp(1)
-        single = binary_cross_entropy_with_logits(logit, (self.recorded > 0).float(), reduction="none")
-        return (feasible - possible + (single * self.undecided).sum(1)).mean()
+        feasible = self._weight(logit, self.feasible).logsumexp(1)
+        possible = self._weight(logit, self.possible).logsumexp(1)
+        return (feasible - possible + self._alone(logit, self.undecided)).mean()
 
     def pair_loss(self, logit: Tensor) -> Tensor:
         """Minus the log likelihood of each known pair's order by itself, summed over pairs, mean over moments."""
-        single = binary_cross_entropy_with_logits(logit, (self.recorded > 0).float(), reduction="none")
-        return (single * (self.recorded != 0)).sum(1).mean()
+        return self._alone(logit, self.recorded != 0).mean()
 
     def probability(self, logit: Tensor) -> Tensor:
         """That the yielder goes first (moment, pair): over the feasible orders, or by itself where none decides it."""
-        weight = 0.5 * torch.einsum("mop,mp->mo", self.orders, logit)
-        share = weight.masked_fill(~self.feasible, IMPOSSIBLE).softmax(1)
+        share = self._weight(logit, self.feasible).softmax(1)
         first = torch.einsum("mo,mop->mp", share, (self.orders > 0).float())
         left_open = torch.einsum("mo,mop->mp", share, (self.orders == 0).float())
         return first + left_open * torch.sigmoid(logit)
+
+    def _weight(self, logit: Tensor, among: Tensor) -> Tensor:
+        """The logarithm of each order's weight (moment, order), `IMPOSSIBLE` for those not among."""
+        weight = 0.5 * torch.einsum("mop,mp->mo", self.orders, logit)
+        return weight.masked_fill(~among, IMPOSSIBLE)
+
+    def _alone(self, logit: Tensor, among: Tensor) -> Tensor:
+        """Minus the log likelihood of these pairs' orders, each by itself, summed: (moment,)."""
+        each = binary_cross_entropy_with_logits(logit, (self.recorded > 0).float(), reduction="none")
+        return (each * among).sum(1)

@@ -15,7 +15,7 @@ from intersection_env.prediction.maneuvers import crossing_orders
 from intersection_env.prediction.predictor import Predictor
 from intersection_env.scenes.scenes import Scenes
 
-MOST_ORDERS = 512  # ours: of a moment to learn from; 2 in 100 have more
+MOST_ORDERS = 512  # ours: of a moment to learn from; 1 in 100 has more
 
 
 @dataclass(frozen=True, eq=False)
