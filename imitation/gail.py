@@ -20,7 +20,7 @@ import tyro
 from tensordict import TensorDict
 
 from agents.networks.driving import Driver, DrivingNetwork
-from agents.networks.export import driving_policy, gap_hash
+from agents.networks.export import driving_network, driving_policy, gap_hash
 from agents.rollouts.envs import ReplayEnv
 from agents.rollouts.policy_update import PolicyUpdate, UpdateSettings
 from agents.rollouts.workers import rollout_collector, shares
@@ -36,6 +36,7 @@ from imitation.expert import ExpertSteps, expert_steps
 from imitation.usable_places import usable_places
 from intersection_env.evaluation.gates import LEAST_SPEED
 from intersection_env.policies.named import gap_decider
+from intersection_env.prediction.predictor import Predictor
 from intersection_env.scenes.places import ALL_SCENES, each_place, map_names
 from intersection_env.scenes.scenes import Scenes, scenes_path
 
@@ -53,6 +54,9 @@ class GailSettings:
     """The maps (files) of scenes on maps that do not ship."""
     ppo: Path | None = Path("runs/ppo")
     """The run folder of the PPO training to go on from."""
+    policy: str | None = None
+    """A policy with a driving network (by name or file), with which to begin instead of PPO's; the value network stays
+    PPO's."""
     run: Path = Path("runs/gail")
     """The run folder."""
     resume: bool = False
@@ -83,7 +87,8 @@ class GailSettings:
     cloning: float = 0.2
     """Weight in the policy's loss of the squared difference to the recorded accelerations [1/(m/s²)²]."""
     kept: float = 0.35
-    """Share of the states that are cloned in which a car is alone on an empty road, and PPO's policy is followed."""
+    """Share of the states that are cloned in which a car is alone on an empty road, and the policy that was begun with
+    is followed."""
     update: UpdateSettings = field(default_factory=lambda: UpdateSettings(passes=5, minibatches=8))
     discriminator: DiscriminatorSettings = field(default_factory=DiscriminatorSettings)
     seed: int = 0
@@ -250,6 +255,18 @@ def start_of(run: Path) -> Driver:
     return driver
 
 
+def begun_with(name: str, start: Driver | None) -> Driver:
+    """A driver with the driving network of a policy, and the value network of `start`; without, a random one.
+
+    Raises:
+        ValueError: no such policy, or one in which no network drives.
+    """
+    driver = Driver(driving_network(Predictor.load(name).policy), DrivingNetwork(), 1.0)
+    if start is not None:
+        driver.value.load_state_dict(start.value.state_dict())
+    return driver
+
+
 def _hashes(settings: GailSettings, start: Driver | None) -> dict[str, Any]:
     """SHA-256 of all that is learned from, by name; of the scenes one a file."""
     hashes: dict[str, Any] = {"scenes": [file_hash(scenes_path(name)) for name in settings.scenes]}
@@ -283,6 +300,7 @@ def main(settings: GailSettings) -> int:
         decider = gap_decider(settings.decider)
         places = usable_places(settings.scenes, settings.map)
         start = None if settings.ppo is None else start_of(settings.ppo)
+        start = start if settings.policy is None else begun_with(settings.policy, start)
         hashes = _hashes(settings, start)
         data = joint_hash([*hashes["scenes"], *(one for name, one in hashes.items() if name != "scenes")])
         folder = RunFolder.begin(settings.run, decisive(settings), data, settings.resume, settings.tensorboard)

@@ -19,6 +19,7 @@ BICYCLE_FLOW = 30.0  # [1/h] in all
 TRUCK_SHARE = 0.04
 BICYCLE_WIDTH = 0.65  # [m]
 KINDS = ("car", "truck_bus", "bicycle")
+WIDER_PACE = -0.35, 0.1  # ours: a speed limit is often guessed, or kept to differently from place to place
 TURNS = {"main": {"straight": 0.66, "left": 0.17, "right": 0.17}, "side": {"straight": 0.4, "left": 0.3, "right": 0.3}}
 
 
@@ -47,6 +48,25 @@ class Driver:
     """Where on its last edge the trip ends [m]; None: at its end."""
 
 
+@dataclass(frozen=True)
+class Temper:
+    """How the drivers of a recording differ, from each other and from those of other recordings."""
+
+    spread: float = 1.0
+    """Times the spread of every trait, and how far its limits lie from its mean."""
+    pace: float = 1.0
+    """Times the share of the speed limit at which all of them like to drive."""
+
+
+USUAL = Temper()
+
+
+def wider(rng: np.random.Generator, times: float) -> Temper:
+    """Draw the temper of one recording of many that differ `times` as much; 1 is the usual one."""
+    slower, faster = WIDER_PACE
+    return Temper(times, float(1.0 + (times - 1.0) * rng.uniform(slower, faster)))
+
+
 def main_arms(source: MapSource) -> set[str]:
     """The arms of the main road."""
     return {arm for arm, value in source.arms.items() if value.right_of_way == "priority"}
@@ -60,10 +80,12 @@ def streams_of(source: MapSource) -> list[Stream]:
     ]
 
 
-def draw_drivers(rng: np.random.Generator, place: Place, streams: list[Stream], duration: float) -> list[Driver]:
+def draw_drivers(
+    rng: np.random.Generator, place: Place, streams: list[Stream], duration: float, temper: Temper = USUAL
+) -> list[Driver]:
     """The drivers of `duration` seconds, in the order of their departure."""
     trips = sorted(_trips(rng, place, streams, duration))
-    return [_driver(rng, str(number), *trip) for number, trip in enumerate(trips)]
+    return [_driver(rng, str(number), *trip, temper=temper) for number, trip in enumerate(trips)]
 
 
 def driver_like(rng: np.random.Generator, number: str, route: str, kind: str) -> Driver:
@@ -121,17 +143,23 @@ def _trips(
 
 
 def _driver(
-    rng: np.random.Generator, number: str, depart: float, route: str, kind: str, truck_share: float = TRUCK_SHARE
+    rng: np.random.Generator,
+    number: str,
+    depart: float,
+    route: str,
+    kind: str,
+    truck_share: float = TRUCK_SHARE,
+    temper: Temper = USUAL,
 ) -> Driver:
     """Draw a driver: one latent aggressiveness moves all traits together."""
     aggressive = rng.normal()
 
     def trait(mean: float, spread: float, low: float, high: float, pull: float = 0.6) -> float:
-        value = mean + spread * (pull * aggressive + np.sqrt(1.0 - pull**2) * rng.normal())
-        return float(np.clip(value, low, high))
+        value = mean + temper.spread * spread * (pull * aggressive + np.sqrt(1.0 - pull**2) * rng.normal())
+        return float(np.clip(value, *_limits(mean, low, high, temper.spread)))
 
     traits = {
-        "speedFactor": trait(0.94, 0.11, 0.65, 1.25),
+        "speedFactor": temper.pace * trait(0.94, 0.11, 0.65, 1.25),
         "accel": trait(2.1, 0.45, 1.1, 3.2),
         "decel": trait(2.0, 0.5, 1.2, 3.5),
         "emergencyDecel": 5.5,
@@ -156,3 +184,9 @@ def _driver(
         return Driver(number, depart, route, "truck_bus", v_class, *size, traits | heavy)
     size = round(trait(4.4, 0.35, 3.5, 5.4, 0.0), 2), round(trait(1.8, 0.08, 1.6, 2.05, 0.0), 2)
     return Driver(number, depart, route, "car", v_class, *size, traits)
+
+
+def _limits(mean: float, low: float, high: float, spread: float) -> tuple[float, float]:
+    """A trait's limits, so many times as far from its mean; but who must be above 0 is above half its lower limit."""
+    least = mean + spread * (low - mean)
+    return max(least, 0.5 * low) if low > 0.0 else least, mean + spread * (high - mean)

@@ -34,29 +34,40 @@ def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m data.sumo", description=__doc__)
     parser.add_argument("--recording", type=int, choices=NUMBERS, help="only this one, without settings.json")
     parser.add_argument("--output", type=Path, default=RECORDINGS, help="folder to write to")
+    parser.add_argument(
+        "--wider", type=float, default=1.0, help="times as different drivers as usual; needs another --output"
+    )
     options = parser.parse_args()
+    if options.wider < 1.0:
+        parser.error(f"--wider must be at least 1, not {options.wider:g}")
+    if options.wider > 1.0 and options.output.resolve() == RECORDINGS:
+        parser.error("--wider needs an --output of its own, so that the recordings that ship stay as they are")
     numbers = NUMBERS if options.recording is None else [options.recording]
-    seeds = {number: generate(number, options.output) for number in tqdm(numbers, unit="recording")}
+    seeds = {number: generate(number, options.output, options.wider) for number in tqdm(numbers, unit="recording")}
     if options.recording is None:
-        sumo_files.write_settings(options.output, _made_with(seeds))
+        sumo_files.write_settings(options.output, _made_with(seeds, options.wider))
 
 
-def generate(number: int, folder: Path) -> list[int]:
-    """Write one recording's files; the seeds tried, the last without vehicles that collide or overlap."""
+def generate(number: int, folder: Path, wider: float = 1.0) -> list[int]:
+    """Write one recording's files; the seeds tried, the last without vehicles that collide or overlap.
+
+    wider: times as different drivers as usual, and a pace of each recording's own.
+    """
     folder.mkdir(parents=True, exist_ok=True)
     place = place_of(number)
     source, network = sumo_network.read(place.source)
     seeds, tracks = [SEED + number], None
-    while (tracks := draw(place, source, network, seeds[-1])) is None:
+    while (tracks := draw(place, source, network, seeds[-1], wider)) is None:
         seeds.append(seeds[-1] + REDRAW)
     sumo_files.write_recording(folder, number, place.location, tracks, DURATION)
     return seeds
 
 
-def draw(place: Place, source: MapSource, network: Network, seed: int) -> list[Track] | None:
+def draw(place: Place, source: MapSource, network: Network, seed: int, wider: float = 1.0) -> list[Track] | None:
     """The tracks under a seed, in order of appearance; None if vehicles collide or overlap."""
+    temper = sumo_demand.wider(np.random.default_rng([seed, 1]), wider)
     rng = np.random.default_rng(seed)
-    drivers = sumo_demand.draw_drivers(rng, place, sumo_demand.streams_of(source), WARM_UP + DURATION)
+    drivers = sumo_demand.draw_drivers(rng, place, sumo_demand.streams_of(source), WARM_UP + DURATION, temper)
     driven = sumo_drive.simulate(network, drivers, seed, WARM_UP, DURATION, sumo_demand.main_arms(source))
     if driven is None:
         return None
@@ -72,9 +83,9 @@ def draw(place: Place, source: MapSource, network: Network, seed: int) -> list[T
     return sorted(tracks, key=lambda one: one.first_frame)
 
 
-def _made_with(seeds: dict[int, list[int]]) -> dict[str, object]:
+def _made_with(seeds: dict[int, list[int]], wider: float) -> dict[str, object]:
     return {
-        "made_by": "python -m data.sumo",
+        "made_by": "python -m data.sumo" + (f" --wider {wider:g}" if wider > 1.0 else ""),
         "maps": {place.map: [f"{number:02d}" for number in place.recordings] for place in PLACES},
         "split": {name: [f"{number:02d}" for place in PLACES for number in place.numbers[name]] for name in SPLITS},
         "seeds": {f"{number:02d}": tried[-1] for number, tried in seeds.items()},

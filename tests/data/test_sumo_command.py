@@ -8,10 +8,11 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
-from data.sumo import demand, net_file
+from data.sumo import demand, generate, net_file
 from data.sumo import network as sumo_network
 from data.sumo.command import DENSER, command_of, dense_traffic, keep_present, without_drivers
 from data.sumo.demand import BLOCK
+from data.sumo.places import BENDPLATZ
 
 
 def test_command_without_drivers_is_the_same_but_for_their_file(tmp_path: Path) -> None:
@@ -50,6 +51,42 @@ def test_drivers_of_known_vehicles_are_of_their_kind_and_drawn_as_all_are() -> N
         assert len({one.traits["tau"] for one in drivers}) > 20
     with pytest.raises(ValueError, match='not for "tram"'):
         demand.driver_like(np.random.default_rng(4), "7", "SW-NE", "tram")
+
+
+def test_wider_drivers_differ_more_and_keep_what_must_be_above_zero() -> None:
+    def drawn(times: float) -> dict[str, np.ndarray]:
+        traits = []
+        for seed in range(60):
+            temper = demand.wider(np.random.default_rng([seed, 1]), times)
+            rng = np.random.default_rng(seed)
+            traits.append(demand._driver(rng, "7", 0.0, "SW-NE", "vehicle", truck_share=0.0, temper=temper).traits)
+        return {name: np.array([one[name] for one in traits]) for name in traits[0]}
+
+    usual, wider = drawn(1.0), drawn(2.0)
+    for name in ("speedFactor", "accel", "decel", "tau", "minGap", "jmTimegapMinor"):
+        assert 1.4 < wider[name].std() / usual[name].std() < 3.0, name
+    assert (wider["accel"].min(), wider["tau"].min()) >= (0.55, 0.35)
+    assert wider["speedFactor"].mean() < usual["speedFactor"].mean() - 0.05, "a pace of their own, mostly slower"
+
+
+def test_usual_temper_changes_nothing() -> None:
+    assert demand.wider(np.random.default_rng(0), 1.0) == demand.USUAL
+    place, streams = BENDPLATZ, demand.streams_of(sumo_network.read()[0])
+    drivers = [
+        demand.draw_drivers(np.random.default_rng(3), place, streams, BLOCK, *temper)
+        for temper in ((), (demand.wider(np.random.default_rng(5), 1.0),))
+    ]
+    assert drivers[0] == drivers[1]
+
+
+@pytest.mark.parametrize(("arguments", "message"), [(["--wider", "0.5"], "at least 1"), (["--wider", "2"], "--output")])
+def test_wider_recordings_are_never_written_over_those_that_ship(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], arguments: list[str], message: str
+) -> None:
+    monkeypatch.setattr("sys.argv", ["data.sumo", "--recording", "0", *arguments])
+    with pytest.raises(SystemExit):
+        generate.main()
+    assert message in capsys.readouterr().err
 
 
 def test_types_without_trips_let_nobody_enter(tmp_path: Path) -> None:

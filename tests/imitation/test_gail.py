@@ -24,7 +24,7 @@ from agents.training.folder import CHECKPOINT, METRICS, RunFolder, file_hash, st
 from imitation.cloning import Cloning, Examples
 from imitation.discriminator import Discriminator, DiscriminatorSettings
 from imitation.expert import expert_steps
-from imitation.gail import PROFILES, GailSettings, main, start_of, train_driver
+from imitation.gail import PROFILES, GailSettings, begun_with, main, start_of, train_driver
 from imitation.replay_error import ReplayError, replay_error
 from intersection_env import Predictor, Scenes
 from intersection_env.constants import ACCELERATION, LEAD_RANGE, STEPS
@@ -74,6 +74,16 @@ def test_training_starts_from_ppo_and_first_teaches_the_value_alone(
     late = train_driver(scenes, start, replace(tiny, epochs=3, value_epochs=2), progress=False)
     assert weights(late.policy) != before[0]
     assert (weights(start.policy), weights(start.value)) == before, "the start itself was trained"
+
+
+def test_training_may_start_from_another_driver_with_the_value_network_of_ppo(ppo: Path) -> None:
+    start = start_of(ppo)
+    begun = begun_with("rollout_gradient", start)
+    assert weights(begun.policy) == weights(driving_network(Predictor.load("rollout_gradient").policy))
+    assert weights(begun.value) == weights(start.value)
+    assert weights(begun_with("rollout_gradient", None).policy) == weights(begun.policy)
+    with pytest.raises(ValueError, match='drives by "idm" and holds no driving network'):
+        begun_with("idm_calibrated", start)
 
 
 def test_reward_is_the_discriminators_and_the_worlds_own_counts_nothing(
@@ -294,6 +304,8 @@ def test_scenes_made_for_something_else_are_refused(
         ({"gap": "idm"}, 'the policy "idm" has no gap network'),
         ({"decider": "idm"}, 'the policy "idm" has no gap network'),
         ({"decider": "missing.policy"}, "missing.policy"),
+        ({"policy": "missing.policy"}, "missing.policy"),
+        ({"policy": "gap"}, "holds no driving network"),
         ({"kept": 1.0}, "kept is 1.0; wanted a share from 0 to below 1"),
     ],
 )
