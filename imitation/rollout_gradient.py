@@ -42,6 +42,7 @@ from imitation.usable_places import usable_places
 from intersection_env.constants import STEPS
 from intersection_env.evaluation.moments import followed
 from intersection_env.evaluation.places import moments_in
+from intersection_env.maps.limits import with_limits
 from intersection_env.policies.file import PolicyFile
 from intersection_env.policies.named import gap_decider
 from intersection_env.prediction.predictor import Predictor
@@ -76,8 +77,11 @@ class RolloutSettings:
     """Whether the gap network learns too from them."""
     steps: int = STEPS
     """Of a drive alone; predictions have all."""
-    every: float = 1.0
-    """Seconds between the starts of drives alone, and between the moments."""
+    limits: tuple[float, ...] = (1.0, 0.75, 1.4)
+    """Each place is learned from with each of these times the speed limits of its map: on a map that is no copy of
+    these they may be guessed, or nobody keeps to them, and what counts more is how fast somebody drives."""
+    every: float = 3.0
+    """Seconds between the starts of drives alone, and between the moments, of each place and limit."""
     drives: int = 512
     """Of an update."""
     moments: int = 64
@@ -133,7 +137,12 @@ class Data:
 
     @classmethod
     def of(cls, places: Sequence[Scenes], settings: RolloutSettings) -> Data:
-        """The training scenes of these places."""
+        """The training scenes of these places, with each of the limits."""
+        places = [
+            replace(place, intersection=with_limits(place.intersection, times))
+            for place in places
+            for times in settings.limits
+        ]
         tables, generator = MapTables.of([place.intersection for place in places]), np.random.default_rng(settings.seed)
         training = [place.select("train") for place in places]
         free = free_examples(training, teacher_named(settings.teacher), settings.free_drives, generator)
@@ -268,6 +277,8 @@ def main(settings: RolloutSettings) -> int:
     with Command(settings.run / "rollout_gradient.policy") as command:
         decider = gap_decider(settings.decider)
         gap_network(decider)  # refused, if it decides by a rule, before there is a folder
+        if not settings.limits or not all(times > 0.0 for times in settings.limits):
+            raise ValueError(f"limits are {settings.limits}; wanted at least one number above 0")
         places = usable_places(settings.scenes, settings.map)
         hashes: dict[str, Any] = {"scenes": [file_hash(scenes_path(name)) for name in settings.scenes]}
         hashes |= {"gap": gap_hash(decider), "teacher": gap_hash(teacher_named(settings.teacher).policy)}

@@ -54,8 +54,9 @@ GAIL = {
     "10 updates of the policy an epoch, as in the paper": ["--update.passes", "10", "--update.minibatches", "1"],
     "delta from the gap network": ["--gap", "{gap}"],
     "from random networks, without PPO": ["--ppo", "None"],
+    "from the rollout gradient's driver": ["--policy", "{rollouts}"],
 }
-"""Options of `imitation.gail`, where they are not the default ones; {gap} is the gap network's policy file."""
+"""Options of `imitation.gail`, where they are not the default ones; {gap} and {rollouts} are policy files."""
 DEFAULT_GAP, DEFAULT_GAIL = "gap network, nothing changed", "GAIL, all epochs"
 IN_CORE, IN_TORCH, ACROSS = "in one's own lane", "the same, as plain torch operations", "who stands across the path too"
 
@@ -101,13 +102,20 @@ class Ablations:
         """The run of each driver, those with nothing changed first, with every seed."""
         runs = {name: self.workspace.run_of(f"ablation_gail_{place}") for place, name in enumerate(GAIL)}
         gap, (seed, *_) = str(self.workspace.policy("gap")), self.options.seeds
+        rollouts = str(self._driver_by_rollouts)
         common = ["imitation.gail", "default", *self.workspace.arguments(self.workspace.places)]
         common += ["--decider", gap, "--seed", str(seed)]
         start = ["--ppo", str(self.workspace.run_of(f"ppo_{seed}"))]
         commands = {}
         for name, changed in GAIL.items():
             from_ppo = [] if "--ppo" in changed else start
-            commands[runs[name]] = [*common, *from_ppo, *(one.format(gap=gap) for one in changed), "--threads", "1"]
+            commands[runs[name]] = [
+                *common,
+                *from_ppo,
+                *(one.format(gap=gap, rollouts=rollouts) for one in changed),
+                "--threads",
+                "1",
+            ]
         train_variants(self.workspace, commands, GAIL_PROFILES["default"][1].epochs, SHARE)
         unchanged = {f"{DEFAULT_GAIL}, seed {one}": self.workspace.run_of(f"gail_{one}") for one in self.options.seeds}
         return unchanged | runs
@@ -134,6 +142,7 @@ class Ablations:
         """
         start = self.workspace.run_of(f"ppo_{self.options.seeds[0]}")
         policies = {"PPO alone, without GAIL": start / "ppo.policy"}
+        policies |= {"the rollout gradient's driver, without GAIL": self._driver_by_rollouts}
         policies |= {name: run / "gail.policy" for name, run in runs.items()}
         steady = replay_error(constant_velocity_network(), self._scenes, "development")
         found = {
@@ -166,6 +175,10 @@ class Ablations:
         )
         moments = thinned(contested(self._moments), LEAD_MOMENTS)  # torch operations are slow
         return {one.name: joint_row(one, moments) for one in forecasters}
+
+    @property
+    def _driver_by_rollouts(self) -> Path:
+        return self.workspace.run_of(f"rollout_gradient_{self.options.seeds[0]}") / "rollout_gradient.policy"
 
     @cached_property
     def _scenes(self) -> Scenes:

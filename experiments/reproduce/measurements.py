@@ -37,7 +37,6 @@ from intersection_env.policies.file import PolicyFile
 from intersection_env.prediction.predictor import Predictor
 from intersection_env.scenes.scene import SPLITS
 
-SIMULATED = Path("data/recordings").resolve()
 SEED = 0  # of random choices in the measurements
 UNTRAINED_SEED = 0
 COMPARED = ("gail", "ppo", "rollout_gradient", "idm", "idm_calibrated", "constant_velocity")  # in crossing orders
@@ -210,7 +209,7 @@ class Measurements:
         recordings = scenes.provenance["recordings"]
         of = {split: [one["id"] for one in recordings if one["split"] == split] for split in SPLITS}
         return {
-            "name": "simulated" if self.options.recordings.resolve() == SIMULATED else self.options.recordings.name,
+            "name": "simulated" if self.workspace.simulated else self.options.recordings.name,
             "recordings_train": of["train"],
             "recordings_development": of["development"],
             "recordings_validation": of["validation"],

@@ -11,6 +11,7 @@ from agents.networks.driving import DrivingNetwork
 from agents.networks.export import driving_network
 from experiments.measure.horizon import horizon_results
 from experiments.reproduce.variants import CONSTANT_VELOCITY, NOT_CHANGED, SHARE, STEADY, joint_row, train_variants
+from experiments.reproduce.wider_scenes import wider_scenes
 from experiments.reproduce.workspace import Workspace
 from imitation.replay_error import constant_velocity_network, replay_error
 from imitation.rollout_gradient import PROFILES
@@ -28,7 +29,8 @@ ROLLOUTS = {
     "joint predictions count three times as much": ["--joint-weight", "3"],
     "the gap network does not learn": ["--no-learns-gaps"],
     "alone for 5 s instead of 10 s": ["--steps", "25"],
-    "starts every 4 s": ["--every", "4"],
+    "a start every 4 s of each place": ["--every", "12"],
+    "limits as the maps say": ["--limits", "1", "--every", "1"],
     "no speed term": ["--speed-weight", "0"],
     "noise on inputs": ["--noise", "0.1"],
     "no free drives": ["--free-share", "0"],
@@ -37,6 +39,7 @@ ROLLOUTS = {
 }
 """Options of `imitation.rollout_gradient`, where they are not the default ones."""
 DEFAULT_ROLLOUTS = "rollout gradient, all epochs"
+WIDER = "drivers drawn more widely"
 LEFT_OUT, EVERYWHERE = "left_out", "everywhere"
 
 
@@ -50,6 +53,7 @@ class RolloutVariants:
         self.of_options = {name: run_of(f"ablation_rollouts_{number}") for number, name in enumerate(ROLLOUTS)}
         self.of_one = {name: run_of(f"ablation_rollouts_only_{name}") for name in several[:1]}
         self.of_others = {name: run_of(f"ablation_rollouts_without_{name}") for name in several}
+        self.of_wider = {WIDER: run_of("ablation_rollouts_wider")} if workspace.simulated else {}
         self.unchanged = {seed: run_of(f"rollout_gradient_{seed}") for seed in seeds}
 
     def train(self) -> None:
@@ -60,6 +64,9 @@ class RolloutVariants:
             commands[run] = self._command([place for place in places if place.name == name])
         for name, run in self.of_others.items():
             commands[run] = self._command([place for place in places if place.name != name])
+        for run in self.of_wider.values():
+            files = wider_scenes(places, self.workspace.options.work / "wider")
+            commands[run] = [*self._command(places), "--scenes", *map(str, files)]
         train_variants(self.workspace, commands, PROFILES["default"][1].epochs, SHARE)
 
     def _command(self, places: Sequence[Intersection], changed: Sequence[str] = ()) -> list[str]:
@@ -71,6 +78,7 @@ class RolloutVariants:
     def rows(self, moments: Sequence[Moment]) -> dict[str, Any]:
         """Per variant: alone among recorded vehicles within a prediction's limits, on an empty road, predicting all."""
         runs = {f"{DEFAULT_ROLLOUTS}, seed {seed}": run for seed, run in self.unchanged.items()} | self.of_options
+        runs |= self.of_wider
         runs |= {f"one place only: {name}": run for name, run in self.of_one.items()}
         found = {CONSTANT_VELOCITY: self._row(constant_velocity_network(), STEADY, moments)}
         for name, run in runs.items():

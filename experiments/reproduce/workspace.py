@@ -17,6 +17,8 @@ from intersection_env.maps.intersection import Intersection
 from intersection_env.scenes.places import load_places
 from intersection_env.scenes.scenes import Scenes
 
+SIMULATED = Path("data/recordings").resolve()
+
 
 @dataclass(frozen=True)
 class Options:
@@ -109,6 +111,11 @@ class Workspace:
         """A map's name, or its file where it was told by one."""
         told = dict(zip(self.places, self.options.map, strict=True)) if self.options.map else {}
         return told.get(place, place.name)
+
+    @property
+    def simulated(self) -> bool:
+        """Whether the recordings are those that ship."""
+        return self.options.recordings.resolve() == SIMULATED
 
     @property
     def default(self) -> Path:

@@ -77,11 +77,12 @@ class Intersection:
         spacing: grid of the routes' samples [m].
         routes: in the order of their indices.
         core: the map as the core holds it.
+        text: of the compiled map.
     """
 
     def __init__(self, text: str, where: str) -> None:
         """Reads the text of a compiled map; `where` names it in errors (use `load` for files)."""
-        self._text, self._where = text, where
+        self.text, self._where = text, where
         self.core = _core.Map(text, where)
         self.name: str = self.core.name
         self.locations: tuple[int, ...] = tuple(self.core.locations)
@@ -167,4 +168,4 @@ class Intersection:
         return hash(self.checksum)
 
     def __reduce__(self) -> tuple[type[Intersection], tuple[str, str]]:
-        return Intersection, (self._text, self._where)
+        return Intersection, (self.text, self._where)

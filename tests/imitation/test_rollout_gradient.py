@@ -5,14 +5,16 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
+import torch
 
 from agents.networks.driving import DrivingNetwork
 from agents.training.folder import METRICS, RunFolder
 from imitation.replay_error import constant_velocity_network, replay_error
-from imitation.rollout_gradient import PROFILES, RolloutSettings, _rate, main, train_driver
+from imitation.rollout_gradient import PROFILES, Data, RolloutSettings, _rate, main, train_driver
 from intersection_env import Predictor, Scenes
 from intersection_env.policies.file import PolicyFile
 from tests.support.scenes import small_scenes
@@ -61,6 +63,23 @@ def test_the_gap_network_learns_in_joint_rollouts_only(
     assert same != learns
 
 
+def test_each_place_is_learned_from_with_each_of_the_limits() -> None:
+    places = [Scenes.load("t_junction")]
+    once, twice = (Data.of(places, replace(TINY_ROLLOUT, limits=limits)) for limits in ((1.0,), (1.0, 1.5)))
+    assert once.moments is not None
+    assert twice.moments is not None
+    count = len(once.moments.traffics)
+    assert len(twice.moments.traffics) == 2 * count
+    recorded = len(once.drives.route) - TINY_ROLLOUT.free_drives
+    assert len(twice.drives.route) == 2 * recorded + TINY_ROLLOUT.free_drives
+    routes = len(places[0].intersection.routes)
+    assert twice.drives.route[recorded] == twice.drives.route[0] + routes
+    v_max = [twice.tables.road(twice.drives.route[[row]], twice.drives.position[[row], 0])[0] for row in (0, recorded)]
+    assert v_max[1] == pytest.approx(1.5 * v_max[0].item())
+    same = (getattr(twice.drives, name) for name in ("position", "speed", "delta"))
+    assert all(torch.equal(one[:recorded], one[recorded : 2 * recorded]) for one in same)
+
+
 def test_the_rate_rises_and_falls() -> None:
     settings = RolloutSettings(epochs=10, alone_share=0.4)
     assert settings.alone_epochs == 4
@@ -74,11 +93,17 @@ def test_the_profile_alone_has_no_joint_rollouts() -> None:
 
 
 @pytest.mark.parametrize(
-    ("change", "said"), [({"decider": "sumo"}, "holds no gap network"), ({"teacher": "gail"}, "taught by an IDM")]
+    ("change", "said"),
+    [
+        ({"decider": "sumo"}, "holds no gap network"),
+        ({"teacher": "gail"}, "taught by an IDM"),
+        ({"limits": ()}, "at least one number above 0"),
+        ({"limits": (1.0, 0.0)}, "at least one number above 0"),
+    ],
 )
-def test_a_decider_without_a_gap_network_and_a_teacher_without_idm_are_refused(
-    change: dict[str, str], said: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+def test_a_decider_without_a_gap_network_a_teacher_without_idm_and_limits_that_are_none_are_refused(
+    change: dict[str, Any], said: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert main(replace(TINY_ROLLOUT, run=tmp_path / "run", **change)) == 1  # type: ignore[arg-type]
+    assert main(replace(TINY_ROLLOUT, run=tmp_path / "run", **change)) == 1
     assert said in capsys.readouterr().err
     assert not (tmp_path / "run").exists()

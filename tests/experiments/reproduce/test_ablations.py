@@ -16,9 +16,9 @@ from agents.networks.driving import DrivingNetwork
 from agents.networks.export import driving_policy
 from agents.training.folder import METRICS, decisive
 from experiments.models import lead_across
-from experiments.reproduce import ablations, variants
+from experiments.reproduce import ablations, rollout_variants, variants
 from experiments.reproduce.ablations import DEFAULT_GAIL, DEFAULT_GAP, GAIL, GAP, Ablations
-from experiments.reproduce.rollout_variants import DEFAULT_ROLLOUTS, ROLLOUTS, RolloutVariants
+from experiments.reproduce.rollout_variants import DEFAULT_ROLLOUTS, ROLLOUTS, WIDER, RolloutVariants
 from experiments.reproduce.variants import CONSTANT_VELOCITY, SHARE
 from experiments.reproduce.workspace import Options, Workspace
 from experiments.show.ablations import ablation_tables, gail_table, gap_table, lead_table, left_out_table, rollout_table
@@ -70,6 +70,7 @@ def trained(workspace: Workspace, monkeypatch: pytest.MonkeyPatch) -> Trainings:
 
     monkeypatch.setattr(variants, "run_trainings", train)
     monkeypatch.setattr(intervals, "RESAMPLES", 20)
+    monkeypatch.setattr(rollout_variants, "wider_scenes", lambda places, folder: [Path("wider.npz")])
     monkeypatch.setattr(ablations, "LEAD_MOMENTS", 8)
     monkeypatch.setattr(lead_across, "STANDING", 50.0)  # in so few moments nobody stands
     torch.manual_seed(0)
@@ -79,22 +80,23 @@ def trained(workspace: Workspace, monkeypatch: pytest.MonkeyPatch) -> Trainings:
 
 def test_every_variant_is_trained_and_measured_once(workspace: Workspace, monkeypatch: pytest.MonkeyPatch) -> None:
     commands = trained(workspace, monkeypatch)
-    assert len(commands) == len(GAP) + len(GAIL) + len(ROLLOUTS)
+    assert len(commands) == len(GAP) + len(GAIL) + len(ROLLOUTS) + 1
     results = json.loads((workspace.options.out / "ablations.json").read_text())
     assert list(results["gap"]) == [CONSTANT_VELOCITY, DEFAULT_GAP, *GAP]
-    assert list(results["gail"]) == [CONSTANT_VELOCITY, "PPO alone, without GAIL", f"{DEFAULT_GAIL}, seed 5", *GAIL]
+    starts = "PPO alone, without GAIL", "the rollout gradient's driver, without GAIL"
+    assert list(results["gail"]) == [CONSTANT_VELOCITY, *starts, f"{DEFAULT_GAIL}, seed 5", *GAIL]
     seen = [row["checkpoints"] for row in results["gail"].values()]
-    assert seen == [None] * 2 + [{"best": 2.0, "last": 2.5}] * (1 + len(GAIL))
+    assert seen == [None] * 3 + [{"best": 2.0, "last": 2.5}] * (1 + len(GAIL))
     steady, first, *others = results["gap"].values()
     assert all(row == first for row in others), "the same network, measured differently"
     assert steady["frames"] is None
     assert steady["until_last_seen"] == results["gail"][CONSTANT_VELOCITY]["until_last_seen"]
     assert gap_table(results["gap"]).count("\n") == 3 + len(GAP)
-    assert gail_table(results["gail"]).count("\n") == 4 + len(GAIL)
+    assert gail_table(results["gail"]).count("\n") == 5 + len(GAIL)
     unchanged = f"{DEFAULT_ROLLOUTS}, seed 5"
-    assert list(results["rollout_gradient"]) == [CONSTANT_VELOCITY, unchanged, *ROLLOUTS]
+    assert list(results["rollout_gradient"]) == [CONSTANT_VELOCITY, unchanged, *ROLLOUTS, WIDER]
     assert results["rollout_gradient"][CONSTANT_VELOCITY]["empty_road"] == 0.0
-    assert rollout_table(results["rollout_gradient"]).count("\n") == 3 + len(ROLLOUTS)
+    assert rollout_table(results["rollout_gradient"]).count("\n") == 4 + len(ROLLOUTS)
     assert results["left_out"] == {}, "there is one place only"
     assert len(ablation_tables(results).split("\n\n")) == 4
     del results["rollout_gradient"]
@@ -125,7 +127,7 @@ def test_variants_change_what_they_say_and_nothing_else(workspace: Workspace, mo
     changed = [{key for key in one if one[key] != default[key]} for one in drivers]
     assert changed == [
         *(set(), {"bootstrap_ends"}, {"kept"}, {"cloning"}, *[{"discriminator"}] * 4),
-        *({"last_sigma"}, {"update"}, {"gap"}, {"ppo"}),
+        *({"last_sigma"}, {"update"}, {"gap"}, {"ppo"}, {"policy"}),
     ]
     whole = default["discriminator"]
     parts = [{key: part for key, part in one["discriminator"].items() if part != whole[key]} for one in drivers[4:8]]
@@ -135,7 +137,8 @@ def test_variants_change_what_they_say_and_nothing_else(workspace: Workspace, mo
         {"gradient_penalty": 0.0},
         {"smoothing": 0.0, "noise": 0.0},
     ]
-    assert drivers[-1]["ppo"] is None
+    assert drivers[-2]["ppo"] is None
+    assert drivers[-1]["policy"] == str(workspace.run_of("rollout_gradient_5") / "rollout_gradient.policy")
     rollouts = [settings(ROLLOUT_PROFILES, one) for one in commands if one[0] == "imitation.rollout_gradient"]
     half = ["--epochs", str(round(SHARE * ROLLOUT_PROFILES["default"][1].epochs))]
     start = ["--decider", str(workspace.policy("gap")), "--teacher", str(workspace.policy("idm_calibrated"))]
@@ -148,13 +151,17 @@ def test_variants_change_what_they_say_and_nothing_else(workspace: Workspace, mo
         {"joint_weight": 3.0},
         {"learns_gaps": False},
         {"steps": 25},
-        {"every": 4.0},
+        {"every": 12.0},
+        {"limits": [1.0], "every": 1.0},
         {"speed_weight": 0.0},
         {"noise": 0.1},
         {"free_share": 0.0},
         {"huber": 1.0},
         {"gap_huber": 3.0},
+        {},
     ]
+    wider = tyro.extras.overridable_config_cli(ROLLOUT_PROFILES, args=commands[-1][1:])
+    assert wider.scenes == (Path("wider.npz"),)
 
 
 def test_places_are_left_out_one_at_a_time_and_predicted_by_who_does_not_know_them(
@@ -173,6 +180,7 @@ def test_places_are_left_out_one_at_a_time_and_predicted_by_who_does_not_know_th
             driver(run / "rollout_gradient.policy")
 
     monkeypatch.setattr(variants, "run_trainings", train)
+    monkeypatch.setattr(rollout_variants, "wider_scenes", lambda places, folder: [Path("wider.npz")])
     monkeypatch.setattr(intervals, "RESAMPLES", 20)
     torch.manual_seed(0)
     found = RolloutVariants(made)
@@ -186,6 +194,7 @@ def test_places_are_left_out_one_at_a_time_and_predicted_by_who_does_not_know_th
         "only_bendplatz": ["bendplatz"],
         "without_bendplatz": ["t_junction"],
         "without_t_junction": ["bendplatz"],
+        "wider": ["bendplatz", "t_junction"],
     }
     rows = found.left_out()
     assert list(rows) == ["bendplatz", "t_junction"]
