@@ -73,6 +73,8 @@ class Traffic:
     def __post_init__(self) -> None:
         if self.max_speed is None:
             object.__setattr__(self, "max_speed", np.full(len(self.ids), np.inf, np.float32))
+        if not isinstance(self.intersection, Intersection):
+            raise TypeError(f"intersection is {self.intersection!r}; wanted an Intersection (Intersection.load)")
         self._check_arrays()
         for name in self._array_names():
             own = np.array(getattr(self, name), order="C")
@@ -111,6 +113,8 @@ class Traffic:
     @classmethod
     def of(cls, intersection: Intersection, vehicles: Iterable[Vehicle]) -> Traffic:
         """The traffic of vehicles written by hand."""
+        if not isinstance(intersection, Intersection):
+            raise TypeError(f"intersection is {intersection!r}; wanted an Intersection (Intersection.load)")
         rows = list(vehicles)
         columns: dict[str, Any] = {
             name: np.array([getattr(row, name) for row in rows], dtype=np.float32) for name in FLOAT_FIELDS

@@ -26,7 +26,7 @@ UNKNOWN_TO = {"agents": ("data",), "imitation": ("data",)}
 FLOORS = {
     "intersection_env": (
         ("_core",),
-        ("constants", "features", "files", "arguments"),
+        ("installed", "constants", "features", "files", "arguments"),
         ("maps", "policies"),
         ("traffic",),
         ("prediction", "scenes"),
@@ -34,6 +34,7 @@ FLOORS = {
         ("render",),
         ("envs",),
         ("__init__", "map_compiler"),
+        ("__main__",),
     ),
     "data": (("recording",), ("formats", "pipeline", "sumo"), ("build", "describe", "maps"), ("align",)),
     "agents": (("networks", "training"), ("rollouts",), ("gap", "idm", "orders", "ppo")),

@@ -19,6 +19,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("out", nargs="?", type=Path, help="the compiled map (.map); default: beside the source")
     options = parser.parse_args(arguments)
     try:
+        if options.out is not None and options.out.suffix != ".map":
+            raise ValueError(f'"{options.out}": a compiled map ends in .map, or nothing reads it')
         for source in [options.source] if options.source else sorted(MAPS.glob("*.json")):
             target = options.out or source.with_suffix(".map")
             text = compile_file(source)

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from intersection_env import _core
+from intersection_env.arguments import file_there, name_or_file
 from intersection_env.maps.meeting import Conflict, SharedLane
 
 MAPS = Path(__file__).parent
@@ -94,10 +95,13 @@ class Intersection:
         """A map that ships (`"bendplatz"`, `"t_junction"`), a compiled map (`.map`) or a map source (`.json`).
 
         Raises:
+            TypeError: neither a name nor a path.
             ValueError: no map of that name ships, or the file is damaged or contradicts itself.
-            OSError: the file cannot be read.
+            OSError: the file is not there, or cannot be read.
         """
-        path = Path(name_or_path)
+        path = name_or_file("map", name_or_path, shipped_maps())
+        if path.suffix in (".json", ".map"):
+            file_there("map", path, shipped_maps())
         if path.suffix == ".json":
             from intersection_env.maps.compiler import compile_file
 
