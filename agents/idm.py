@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import argparse
 import dataclasses
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -20,6 +19,7 @@ from tqdm import tqdm
 
 from agents.training.command import Command
 from agents.training.folder import file_hash
+from intersection_env.command import run_command
 from intersection_env.evaluation.errors import distance_error, figures_until_last_seen
 from intersection_env.evaluation.moments import Moment, followed
 from intersection_env.evaluation.places import moments_in
@@ -123,4 +123,4 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    run_command(main)

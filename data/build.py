@@ -20,6 +20,7 @@ from data.pipeline.filters import CROSSING_MARGIN, OVERTAKING_MARGIN
 from data.pipeline.projection import MAX_EXCESS, RMS_EXCESS
 from data.pipeline.scenes_of import LEAST_DURATION, build_scenes, check_location, give_map_of
 from data.pipeline.split import split_of
+from intersection_env.command import run_command
 from intersection_env.constants import DT
 from intersection_env.maps.intersection import Intersection, shipped_maps
 from intersection_env.scenes.scene import SPLITS, Scene
@@ -204,4 +205,4 @@ def _chosen(folder: Path, intersection: Intersection, on_map: Sequence[str], wan
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    run_command(main)

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from data.build import build, recordings_on
 from data.pipeline.split import split_of
+from intersection_env.command import run_command
 from intersection_env.evaluation.errors import evaluate
 from intersection_env.evaluation.moments import Moment, moments_of
 from intersection_env.files import written_whole
@@ -240,4 +241,4 @@ def _written(path: Path) -> None:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    run_command(main)

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 
 import intersection_env
 from intersection_env import _core
+from intersection_env.command import run_command
 from intersection_env.maps.intersection import shipped_maps
 from intersection_env.policies.named import DEFAULT, RULES, shipped_policies
 from intersection_env.scenes.scenes import shipped_scenes
@@ -37,4 +37,4 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    run_command(main)

@@ -54,23 +54,23 @@ def test_a_source_to_compile_that_is_not_there_is_named(tmp_path: Path, capsys: 
 
 @pytest.mark.parametrize("make", [Replay, lambda **options: ReplayVector(4, **options)])
 def test_environments_name_the_argument_that_is_wrong(make: Callable[..., Any]) -> None:
-    with pytest.raises(TypeError, match="^scenes is \\['bendplatz'\\]; wanted a name"):
+    with pytest.raises(TypeError, match=r"^scenes is \['bendplatz'\]; wanted a name"):
         make(scenes=["bendplatz"])
-    with pytest.raises(TypeError, match="^map is 3; wanted a name"):
+    with pytest.raises(TypeError, match=r"^map is 3; wanted a name"):
         make(map=3)
-    with pytest.raises(TypeError, match="^gap is 3; wanted a name"):
+    with pytest.raises(TypeError, match=r"^gap is 3; wanted a name"):
         make(gap=3)
 
 
 def test_closed_loops_name_the_argument_that_is_wrong() -> None:
-    with pytest.raises(TypeError, match="^map is \\['bendplatz'\\]; wanted a name"):
+    with pytest.raises(TypeError, match=r"^map is \['bendplatz'\]; wanted a name"):
         ClosedLoop(map=["bendplatz"])  # type: ignore[arg-type]
-    with pytest.raises(TypeError, match="^map is 3; wanted a name"):
+    with pytest.raises(TypeError, match=r"^map is 3; wanted a name"):
         ClosedLoopWorlds(worlds=2, map=3)  # type: ignore[arg-type]
 
 
 def test_a_traffic_wants_a_loaded_map() -> None:
-    with pytest.raises(TypeError, match="^intersection is 'bendplatz'; wanted an Intersection"):
+    with pytest.raises(TypeError, match=r"^intersection is 'bendplatz'; wanted an Intersection"):
         Traffic.of("bendplatz", [Vehicle("a", "SE-NW", 90.0, 5.0)])  # type: ignore[arg-type]
 
 

@@ -26,7 +26,7 @@ UNKNOWN_TO = {"agents": ("data",), "imitation": ("data",)}
 FLOORS = {
     "intersection_env": (
         ("_core",),
-        ("installed", "constants", "features", "files", "arguments"),
+        ("installed", "command", "constants", "features", "files", "arguments"),
         ("maps", "policies"),
         ("traffic",),
         ("prediction", "scenes"),

@@ -18,6 +18,7 @@ import torch
 from agents.networks.driving import DrivingNetwork
 from agents.networks.gap import GapNetwork
 from agents.networks.order import OrderNetwork
+from intersection_env.command import run_command
 from intersection_env.files import written_whole
 from intersection_env.policies.file import NetworkWeights, PolicyFile
 
@@ -125,4 +126,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    run_command(main)

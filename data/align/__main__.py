@@ -16,6 +16,7 @@ from data.align.report import report
 from data.align.source_file import write_source
 from data.build import recordings_on
 from data.formats.folder import read_recording
+from intersection_env.command import run_command
 from intersection_env.maps.intersection import MAPS, Intersection, shipped_maps
 from intersection_env.maps.source import MapSource
 from intersection_env.plots.files import write_figure
@@ -71,4 +72,4 @@ def source_path(name_or_path: str) -> Path:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    run_command(main)

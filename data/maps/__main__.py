@@ -20,6 +20,7 @@ from data.maps.lanelets import LaneMap
 from data.maps.place import on_lanes, shift_to
 from data.maps.source_of import Imported, source_of
 from data.maps.source_text import source_text
+from intersection_env.command import run_command
 from intersection_env.files import written_whole
 from intersection_env.maps.source import LARGEST, MapSource
 
@@ -146,4 +147,4 @@ def _numbers(option: str, text: str, count: int) -> tuple[float, ...]:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    run_command(main)

@@ -21,6 +21,7 @@ from data.sumo import network as sumo_network
 from data.sumo.command import command_of, dense_traffic
 from experiments.bench.own_process import in_own_process, print_row
 from experiments.bench.stopwatch import summary
+from intersection_env.command import run_command
 from intersection_env.constants import DT
 
 REPEATS = 5
@@ -111,4 +112,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    run_command(main)

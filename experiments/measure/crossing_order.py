@@ -18,6 +18,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from agents.training.options import Maps
 from experiments.results_files import write_result
 from experiments.show.crossing_order import (
     BASELINES,
@@ -165,7 +166,7 @@ class Options:
 
     scenes: tuple[Path, ...] = PAPERS_SCENES
     """Scenes that ship (names), or scenes files, which `python -m data.build` makes; of one place or several."""
-    map: tuple[str, ...] = ()
+    map: Maps = ()
     """The maps (files) of scenes on maps that do not ship."""
     split: Literal["development", "validation"] = "development"
     """What to measure on; validation is for the report only."""

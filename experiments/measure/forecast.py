@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agents.orders.samples import order_samples
+from agents.training.options import Maps
 from experiments.measure.order_chances import CLOSEST, Learned, OrderChances, order_chances
 from experiments.results_files import write_result
 from experiments.show.crossing_order import POPULATIONS
@@ -45,7 +46,7 @@ class Options:
 
     scenes: tuple[Path, ...] = ALL_SCENES
     """Scenes that ship (names), or scenes files, which `python -m data.build` makes; of one place or several."""
-    map: tuple[str, ...] = ()
+    map: Maps = ()
     """The maps (files) of scenes on maps that do not ship."""
     policy: str = DEFAULT
     """A policy that ships, or a policy file."""

@@ -23,6 +23,7 @@ from agents.gap.train import GapSettings, train_network
 from agents.networks.export import gap_network
 from agents.networks.gap import GapNetwork
 from agents.training.interrupt import Interrupted
+from agents.training.options import Maps
 from experiments.measure.gap_acceptance import acceptance_curves, chances, seen_gap
 from experiments.measure.gap_scores import FOES, Tally, compare, pooled, tally
 from experiments.results_files import write_result
@@ -40,7 +41,7 @@ class Options:
 
     scenes: tuple[Path, ...] = PAPERS_SCENES
     """Scenes that ship (names), or scenes files, which `python -m data.build` makes; of one place or several."""
-    map: tuple[str, ...] = ()
+    map: Maps = ()
     """The maps (files) of scenes on maps that do not ship."""
     policy: str = "gap"
     """A policy file with a gap network, or the name of a shipped one."""

@@ -18,6 +18,7 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from agents.training.options import Maps
 from experiments.results_files import write_result
 from experiments.show.maneuver_gain import gain_table, plot_gain
 from intersection_env.evaluation.intervals import interval
@@ -151,7 +152,7 @@ class Options:
 
     scenes: tuple[Path, ...] = PAPERS_SCENES
     """Scenes that ship (names), or scenes files, which `python -m data.build` makes; of one place or several."""
-    map: tuple[str, ...] = ()
+    map: Maps = ()
     """The maps (files) of scenes on maps that do not ship."""
     policy: str = DEFAULT
     """A shipped policy, a rule, or a policy file."""

@@ -22,6 +22,7 @@ import torch
 from agents.gap.baselines import BASELINES
 from agents.gap.samples import GapSamples, gap_samples
 from agents.networks.export import gap_network
+from agents.training.options import Maps
 from data.build import build, maps_of
 from data.describe.statistics import describe, statistics
 from experiments.measure.crossing_order import order_results
@@ -52,7 +53,7 @@ class Options:
 
     recordings: Path
     """The folder of the recordings: inD's, INTERACTION's or CommonRoad's."""
-    map: tuple[str, ...] = ()
+    map: Maps = ()
     """Maps (names, or files) of the places; none: each that ships and has recordings in the folder."""
     out: Path = Path("out/real")
     """The folder of the page, "real.md" and "real.html", its figures, "real.json", and the scenes files."""

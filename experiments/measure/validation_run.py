@@ -21,6 +21,7 @@ from tqdm import tqdm
 
 from agents.networks.export import driving_network
 from agents.rollouts.validation_run import STEPS, ValidationRun, validation_run
+from agents.training.options import Maps
 from experiments.results_files import write_result
 from experiments.show.validation_run import plot_accelerations, runs_text
 from imitation.expert import expert_steps
@@ -45,7 +46,7 @@ class Options:
     scenes: tuple[Path, ...] = PAPERS_SCENES
     """Scenes that ship (names), or scenes files, on whose maps is driven, one after the other, and whose recorded
     accelerations stand beside."""
-    map: tuple[str, ...] = ()
+    map: Maps = ()
     """The maps (files) of scenes on maps that do not ship."""
     policies: tuple[str, ...] = ("ppo", "gail", "rollout_gradient")
     """Names of shipped policies, or policy files, with a driving network."""

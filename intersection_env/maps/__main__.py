@@ -7,6 +7,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
+from intersection_env.command import run_command
 from intersection_env.files import written_whole
 from intersection_env.maps.compiler import compile_file
 from intersection_env.maps.intersection import MAPS, Intersection
@@ -35,4 +36,4 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    run_command(main)

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from intersection_env.command import run_command
 from intersection_env.maps.intersection import Intersection
 from intersection_env.plots.files import SUFFIXES, write_figure
 from intersection_env.plots.map_plot import plot_map
@@ -31,4 +32,4 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    run_command(main)
