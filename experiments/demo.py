@@ -20,7 +20,7 @@ from data.pipeline.split import split_of
 from intersection_env.command import run_command
 from intersection_env.evaluation.errors import evaluate
 from intersection_env.evaluation.moments import Moment, moments_of
-from intersection_env.files import written_whole
+from intersection_env.files import check_writable, written_whole
 from intersection_env.maps.intersection import Intersection
 from intersection_env.plots.animation import animate
 from intersection_env.plots.files import write_figure
@@ -34,6 +34,8 @@ from intersection_env.traffic import Traffic
 
 MODELS = ("constant_velocity", "idm", "gap", "idm_calibrated", "ppo", "gail", "rollout_gradient")
 ROWS = 10
+FILES = ("scenes.npz", "forecast.png", "positions.png", "animation.gif", "errors.csv")
+"""What is written, in this order."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -45,6 +47,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     options = parser.parse_args(arguments)
     begin = time.perf_counter()
     try:
+        check_writable(*(options.out / name for name in FILES))
         scenes = _build(options.recordings, Intersection.load(options.map), options.out / "scenes.npz")
         moments = _moments(scenes)
         _rank(busiest(moments), Predictor.load(), options.out)

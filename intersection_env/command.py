@@ -29,6 +29,10 @@ class _Output(io.FileIO):
 
 
 def _unread(stream: TextIO) -> TextIO:
+    try:
+        stream.fileno()
+    except OSError:  # a stream of Python's own, as in tests
+        return stream
     raw = _Output(stream.fileno(), "w", closefd=False)
     lines = bool(getattr(stream, "line_buffering", False))
     return io.TextIOWrapper(io.BufferedWriter(raw), stream.encoding, stream.errors, line_buffering=lines)

@@ -37,7 +37,7 @@ FLOORS = {
         ("__main__",),
     ),
     "data": (("recording",), ("formats", "pipeline", "sumo"), ("build", "describe", "maps"), ("align",)),
-    "agents": (("networks", "training"), ("rollouts",), ("gap", "idm", "orders", "ppo")),
+    "agents": (("networks", "training"), ("rollouts",), ("export", "gap", "idm", "orders", "ppo")),
     "imitation": (
         ("tracks", "discriminator", "cloning", "empty_road_states", "map_tables", "torch_networks"),
         ("expert", "replay_error", "torch_model", "along_route"),
