@@ -27,7 +27,7 @@ from intersection_env.plots.files import write_figure
 from intersection_env.plots.forecast_plot import plot_forecast
 from intersection_env.plots.prediction_plot import plot_positions, short_ids
 from intersection_env.prediction.forecast import forecast
-from intersection_env.prediction.maneuvers import COUNT_LIMIT, LIMIT, WORTHWHILE_GAIN, rank_maneuvers
+from intersection_env.prediction.maneuvers import COUNT_LIMIT, WORTHWHILE_GAIN, rank_maneuvers
 from intersection_env.prediction.predictor import Prediction, Predictor
 from intersection_env.scenes.scenes import Scenes
 from intersection_env.traffic import Traffic
@@ -137,7 +137,7 @@ def _rank(moment: Moment, predictor: Predictor, out: Path) -> None:
     orders = int(table["intervention"].sum())
     print(
         f"{orders} feasible orders predicted and ranked in {milliseconds:.0f} ms;"
-        f" {_left_out(table.attrs['left_out'])} left out (the limit is {LIMIT})"
+        f" {_left_out(table.attrs['left_out'])} left out"
     )
     print(_ranking(table, traffic))
     print(_verdict(table))
@@ -232,7 +232,7 @@ def _verdict(table: pd.DataFrame) -> str:
 
 
 def _left_out(count: int) -> str:
-    return "a million or more" if count >= COUNT_LIMIT else str(count)
+    return f"{COUNT_LIMIT} or more" if count >= COUNT_LIMIT else str(count)
 
 
 def _heading(text: str) -> None:

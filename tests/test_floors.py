@@ -55,6 +55,7 @@ FLOORS = {
 }
 CORE = "intersection_env/core"
 CORE_FLOORS = (
+    ("cores",),
     ("model", "threads"),
     ("tables",),
     ("kernel/lanes",),
