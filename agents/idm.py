@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import argparse
 import dataclasses
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -20,9 +19,11 @@ from tqdm import tqdm
 
 from agents.training.command import Command
 from agents.training.folder import file_hash
+from intersection_env.command import run_command
 from intersection_env.evaluation.errors import distance_error, figures_until_last_seen
 from intersection_env.evaluation.moments import Moment, followed
 from intersection_env.evaluation.places import moments_in
+from intersection_env.files import check_writable
 from intersection_env.policies.file import IdmParameters, PolicyFile
 from intersection_env.policies.named import gap_decider
 from intersection_env.prediction.predictor import Predictor
@@ -85,6 +86,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--out", type=Path, default=Path("out/idm_calibrated.policy"), help="the policy file to write")
     options = parser.parse_args(arguments)
     with Command(options.out) as command:
+        check_writable(options.out)
         places, gap = load_places(options.scenes, options.map), gap_decider(options.gap)
         moments, held_out = (
             followed(moments_in(places, split, options.every)[0]) for split in ("train", "development")
@@ -123,4 +125,4 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    run_command(main)

@@ -8,7 +8,6 @@ python -m agents.ppo paper --run runs/ppo_paper
 from __future__ import annotations
 
 import dataclasses
-import sys
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -27,7 +26,9 @@ from agents.rollouts.workers import rollout_collector, shares
 from agents.training.command import Command
 from agents.training.folder import RunFolder, decisive
 from agents.training.loop import Epochs, geometric, linear
+from agents.training.options import Seeds
 from agents.training.seeds import train_seeds
+from intersection_env.command import run_command
 from intersection_env.constants import DT
 from intersection_env.evaluation.empty_road import EmptyRoad, empty_road
 from intersection_env.features import Driving
@@ -77,7 +78,7 @@ class PpoSettings:
     """That step the worlds, 0: one a core; they do not change what comes out."""
     workers: int = 0
     """Ray workers that share the worlds, on one machine or several, 0: none; they do not change what comes out."""
-    seeds: tuple[int, ...] = ()
+    seeds: Seeds = ()
     """Train once with each of these instead of `seed`, side by side as Ray tasks, in the folders RUN/seed_0, ..."""
     tensorboard: bool = False
     """Write the figures for TensorBoard too, into the run folder."""
@@ -244,4 +245,4 @@ def main(settings: PpoSettings) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main(tyro.extras.overridable_config_cli(PROFILES, prog=COMMAND)))
+    run_command(lambda: main(tyro.extras.overridable_config_cli(PROFILES, prog=COMMAND)))

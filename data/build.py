@@ -20,7 +20,9 @@ from data.pipeline.filters import CROSSING_MARGIN, OVERTAKING_MARGIN
 from data.pipeline.projection import MAX_EXCESS, RMS_EXCESS
 from data.pipeline.scenes_of import LEAST_DURATION, build_scenes, check_location, give_map_of
 from data.pipeline.split import split_of
+from intersection_env.command import run_command
 from intersection_env.constants import DT
+from intersection_env.files import check_writable
 from intersection_env.maps.intersection import Intersection, shipped_maps
 from intersection_env.scenes.scene import SPLITS, Scene
 from intersection_env.scenes.scenes import Scenes
@@ -167,6 +169,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             )
         for one, wanted in _wanted_on(options.folder, maps, options.recordings):
             path = options.out if options.out.suffix == ".npz" else options.out / f"{one.name}.npz"
+            check_writable(path)
             scenes = build(options.folder, one, wanted)
             if not len(scenes):
                 raise ValueError(f"{options.folder}: no stretch is left to make a scene of\n{summary(scenes)}")
@@ -204,4 +207,4 @@ def _chosen(folder: Path, intersection: Intersection, on_map: Sequence[str], wan
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    run_command(main)

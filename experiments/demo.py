@@ -17,22 +17,25 @@ from numpy.typing import NDArray
 
 from data.build import build, recordings_on
 from data.pipeline.split import split_of
+from intersection_env.command import run_command
 from intersection_env.evaluation.errors import evaluate
 from intersection_env.evaluation.moments import Moment, moments_of
-from intersection_env.files import written_whole
+from intersection_env.files import check_writable, written_whole
 from intersection_env.maps.intersection import Intersection
 from intersection_env.plots.animation import animate
 from intersection_env.plots.files import write_figure
 from intersection_env.plots.forecast_plot import plot_forecast
 from intersection_env.plots.prediction_plot import plot_positions, short_ids
 from intersection_env.prediction.forecast import forecast
-from intersection_env.prediction.maneuvers import COUNT_LIMIT, LIMIT, WORTHWHILE_GAIN, rank_maneuvers
+from intersection_env.prediction.maneuvers import COUNT_LIMIT, WORTHWHILE_GAIN, rank_maneuvers
 from intersection_env.prediction.predictor import Prediction, Predictor
 from intersection_env.scenes.scenes import Scenes
 from intersection_env.traffic import Traffic
 
 MODELS = ("constant_velocity", "idm", "gap", "idm_calibrated", "ppo", "gail", "rollout_gradient")
 ROWS = 10
+FILES = ("scenes.npz", "forecast.png", "positions.png", "animation.gif", "errors.csv")
+"""What is written, in this order."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -44,6 +47,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     options = parser.parse_args(arguments)
     begin = time.perf_counter()
     try:
+        check_writable(*(options.out / name for name in FILES))
         scenes = _build(options.recordings, Intersection.load(options.map), options.out / "scenes.npz")
         moments = _moments(scenes)
         _rank(busiest(moments), Predictor.load(), options.out)
@@ -133,7 +137,7 @@ def _rank(moment: Moment, predictor: Predictor, out: Path) -> None:
     orders = int(table["intervention"].sum())
     print(
         f"{orders} feasible orders predicted and ranked in {milliseconds:.0f} ms;"
-        f" {_left_out(table.attrs['left_out'])} left out (the limit is {LIMIT})"
+        f" {_left_out(table.attrs['left_out'])} left out"
     )
     print(_ranking(table, traffic))
     print(_verdict(table))
@@ -228,7 +232,7 @@ def _verdict(table: pd.DataFrame) -> str:
 
 
 def _left_out(count: int) -> str:
-    return "a million or more" if count >= COUNT_LIMIT else str(count)
+    return f"{COUNT_LIMIT} or more" if count >= COUNT_LIMIT else str(count)
 
 
 def _heading(text: str) -> None:
@@ -240,4 +244,4 @@ def _written(path: Path) -> None:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    run_command(main)

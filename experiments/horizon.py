@@ -1,10 +1,9 @@
 """The command `python -m experiments.horizon`; the work is in `experiments/measure/horizon.py`."""
 
-import sys
-
 import tyro
 
 from experiments.measure.horizon import Options, main
+from intersection_env.command import run_command
 
 if __name__ == "__main__":
-    sys.exit(main(tyro.cli(Options, prog="python -m experiments.horizon")))
+    run_command(lambda: main(tyro.cli(Options, prog="python -m experiments.horizon")))

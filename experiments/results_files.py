@@ -7,7 +7,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from intersection_env.files import written_whole
+from intersection_env.files import check_writable, written_whole
+from intersection_env.plots.files import check_figure
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -37,6 +38,18 @@ def _read(path: Path) -> Any:
         return json.loads(path.read_text(encoding="utf-8"))
     except ValueError as error:
         raise ValueError(f"{path}: not JSON: {error}") from None
+
+
+def check_outputs(result: Path, figure: Path | None = None) -> None:
+    """Refuses what could not be written in the end, before anything is measured.
+
+    Raises:
+        OSError: a file cannot be written.
+        ValueError: a figure of a kind that is not drawn.
+    """
+    check_writable(result)
+    if figure is not None:
+        check_figure(figure)
 
 
 def write_result(path: Path, content: Mapping[str, Any]) -> None:

@@ -5,6 +5,7 @@ python -m imitation.along_route runs/gail --map t_junction --route W-S
 
 from __future__ import annotations
 
+import sys
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
@@ -17,6 +18,7 @@ from agents.networks.driving import Driver, DrivingNetwork
 from agents.training.folder import CHECKPOINT
 from imitation.discriminator import Discriminator
 from imitation.empty_road_states import LENGTHS, Car, seen_alone
+from intersection_env.command import run_command
 from intersection_env.constants import ACCELERATION
 from intersection_env.features import DRIVING_FEATURES
 from intersection_env.maps.intersection import Intersection
@@ -41,10 +43,15 @@ def along_route(options: Options) -> str:
 
     Raises:
         OSError: there is no checkpoint, or no such map.
-        KeyError: it is none of GAIL.
-        ValueError: no such route.
+        ValueError: it is none of GAIL, or there is no such route.
     """
+    if not (options.run / CHECKPOINT).exists():
+        raise FileNotFoundError(
+            f"{options.run}: no {CHECKPOINT} there; wanted the run folder of python -m imitation.gail"
+        )
     state = torch.load(options.run / CHECKPOINT, weights_only=True)
+    if "discriminator" not in state:
+        raise ValueError(f"{options.run / CHECKPOINT}: no checkpoint of python -m imitation.gail")
     driver = Driver(DrivingNetwork(), DrivingNetwork(), 1.0)
     driver.load_state_dict(state["driver"])
     discriminator = Discriminator(*torch.ones(2, len(DRIVING_FEATURES)))
@@ -63,5 +70,15 @@ def along_route(options: Options) -> str:
     return "\n".join(lines)
 
 
+def main(options: Options) -> int:
+    """Prints the table; returns the exit status."""
+    try:
+        print(along_route(options))
+    except (OSError, ValueError) as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 1
+    return 0
+
+
 if __name__ == "__main__":
-    print(along_route(tyro.cli(Options, prog="python -m imitation.along_route")))
+    run_command(lambda: main(tyro.cli(Options, prog="python -m imitation.along_route")))

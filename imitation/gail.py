@@ -7,7 +7,6 @@ python -m imitation.gail paper --scenes mine.npz --map mine.json --run runs/mine
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Sequence
 from copy import deepcopy
 from dataclasses import dataclass, field
@@ -27,6 +26,7 @@ from agents.rollouts.workers import rollout_collector, shares
 from agents.training.command import Command
 from agents.training.folder import CHECKPOINT, RunFolder, decisive, file_hash, joint_hash, state_hash
 from agents.training.loop import Epochs, geometric, linear
+from agents.training.options import Maps, Seeds
 from agents.training.seeds import train_seeds
 from imitation.cloning import Cloning, Examples, examples_of
 from imitation.closer_look import closer_look, last_look, watched
@@ -34,6 +34,7 @@ from imitation.discriminator import Discriminator, DiscriminatorLoss, Discrimina
 from imitation.empty_road_states import empty_road_states
 from imitation.expert import ExpertSteps, expert_steps
 from imitation.usable_places import usable_places
+from intersection_env.command import run_command
 from intersection_env.evaluation.gates import LEAST_SPEED
 from intersection_env.policies.named import gap_decider
 from intersection_env.prediction.predictor import Predictor
@@ -50,7 +51,7 @@ class GailSettings:
     scenes: tuple[Path, ...] = ALL_SCENES
     """Scenes that ship (names), or scenes files, which `python -m data.build` makes; of one place or several, each in
     an equal share of the worlds."""
-    map: tuple[str, ...] = ()
+    map: Maps = ()
     """The maps (files) of scenes on maps that do not ship."""
     ppo: Path | None = Path("runs/ppo")
     """The run folder of the PPO training to go on from."""
@@ -96,7 +97,7 @@ class GailSettings:
     """That step the worlds, 0: one a core; they do not change what comes out."""
     workers: int = 0
     """Ray workers that share the worlds, on one machine or several, 0: none; they do not change what comes out."""
-    seeds: tuple[int, ...] = ()
+    seeds: Seeds = ()
     """Train once with each of these instead of `seed`, side by side as Ray tasks, in the folders RUN/seed_0, ..."""
     tensorboard: bool = False
     """Write the figures for TensorBoard too, into the run folder."""
@@ -313,4 +314,4 @@ def main(settings: GailSettings) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main(tyro.extras.overridable_config_cli(PROFILES, prog=COMMAND)))
+    run_command(lambda: main(tyro.extras.overridable_config_cli(PROFILES, prog=COMMAND)))

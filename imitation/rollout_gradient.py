@@ -10,7 +10,6 @@ predicted jointly beside it, and the gap network learns too.
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -29,6 +28,7 @@ from agents.networks.gap import GapNetwork
 from agents.training.command import Command
 from agents.training.folder import RunFolder, decisive, file_hash, joint_hash
 from agents.training.loop import Epochs
+from agents.training.options import Maps, Seeds
 from agents.training.seeds import train_seeds
 from imitation.adjoint import Motion, backward
 from imitation.closer_look import closer_look, last_look, watched
@@ -39,6 +39,7 @@ from imitation.map_tables import MapTables
 from imitation.torch_model import TorchPredictor
 from imitation.torch_networks import Networks
 from imitation.usable_places import usable_places
+from intersection_env.command import run_command
 from intersection_env.constants import STEPS
 from intersection_env.evaluation.moments import followed
 from intersection_env.evaluation.places import moments_in
@@ -58,7 +59,7 @@ class RolloutSettings:
 
     scenes: tuple[Path, ...] = ALL_SCENES
     """Scenes that ship (names), or scenes files, which `python -m data.build` makes; of one place or several."""
-    map: tuple[str, ...] = ()
+    map: Maps = ()
     """The maps (files) of scenes on maps that do not ship."""
     run: Path = Path("runs/rollout_gradient")
     """The run folder."""
@@ -107,7 +108,7 @@ class RolloutSettings:
     gradient_norm: float = 1.0
     """Longer gradients are shortened to it."""
     seed: int = 0
-    seeds: tuple[int, ...] = ()
+    seeds: Seeds = ()
     """Train once with each of these instead of `seed`, side by side as Ray tasks, in the folders RUN/seed_0, ..."""
     tensorboard: bool = False
     """Write the figures for TensorBoard too, into the run folder."""
@@ -294,4 +295,4 @@ def main(settings: RolloutSettings) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main(tyro.extras.overridable_config_cli(PROFILES, prog=COMMAND)))
+    run_command(lambda: main(tyro.extras.overridable_config_cli(PROFILES, prog=COMMAND)))

@@ -3,9 +3,12 @@
 Importing it registers `intersection_env/Replay-v0` with Gymnasium and `intersection_env/ClosedLoop-v0` with PettingZoo.
 """
 
+from importlib.metadata import version
+
 import gymnasium
 import pettingzoo
 
+from intersection_env import installed as installed  # first: it says what is wrong where the core is missing
 from intersection_env.envs.closed_loop import ClosedLoop, env, parallel_env
 from intersection_env.envs.replay import Replay
 from intersection_env.envs.replay_vector import ReplayVector
@@ -36,12 +39,15 @@ __all__ = [
     "Summary",
     "Traffic",
     "Vehicle",
+    "__version__",
     "crossing_orders",
     "env",
     "forecast",
     "parallel_env",
     "rank_maneuvers",
 ]
+
+__version__ = version("intersection_env")
 
 gymnasium.register(
     "intersection_env/Replay-v0",

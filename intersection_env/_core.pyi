@@ -28,6 +28,12 @@ MOST_WIDTH: float = 10.0
 
 MOST_SPEED: float = 100.0
 
+ASIDE: float = 2.0
+
+TURNED: float = 0.785
+
+PLAIN_LANE: float = 3.5
+
 WORTHWHILE_GAIN: float = 2.0
 
 MOST_MANEUVERS: int = 10000
@@ -60,6 +66,12 @@ def multiply_adds(isa: str, rounds: int) -> tuple[int, float]:
 
 def tanhs(isa: str, rounds: int) -> tuple[int, float]:
     """Likewise tanh."""
+
+def usable_cores(groups: str = '/sys/fs/cgroup') -> int:
+    """How many cores this process may use."""
+
+def orders_in_a_cycle(vehicles: int) -> int:
+    """How many orders a planner's cycle has time for."""
 
 def kernel_name() -> str:
     """The kernel in use."""
@@ -123,6 +135,16 @@ class Map:
         (position, 11): x, y, heading, width, v_max, six relative headings, interpolated.
         """
 
+    def project(self, route: int, points: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)]) -> tuple[NDArray[numpy.float64], NDArray[numpy.float64], NDArray[numpy.float64]]:
+        """
+        Of points (point, 2) the nearest places on a route: position, distance, excess (point,) [m].
+        """
+
+    def locate(self, x: float, y: float, heading: float, aside: float, turned: float) -> list[tuple[int, float, float, float]]:
+        """
+        The routes that fit: rows of route, position, lateral offset [m] and turn [rad].
+        """
+
 class Traffic:
     """The vehicles at one moment, checked."""
 
@@ -143,6 +165,12 @@ def closest(map: Map, traffic: Traffic) -> tuple[float, int, int] | None:
     """
     The smallest distance between two vehicles [m] and their indices, or None.
     """
+
+def overlaps(map: Map, traffic: Traffic) -> list[tuple[int, int]]:
+    """Pairs of vehicles whose bodies overlap."""
+
+def doubted_speeds(map: Map, traffic: Traffic) -> list[int]:
+    """The vehicles that are faster than anybody drives there: km/h for m/s."""
 
 def collision(map: Map, traffic: Traffic) -> tuple[int, int] | None:
     """
@@ -209,12 +237,12 @@ class Predictor:
         position, speed, acceleration, enters, present, time_loss, minimum_distance, hold, completed assignments.
         """
 
-def rank_maneuvers(predictor: Predictor, traffic: Traffic, cooperative: Annotated[NDArray[numpy.uint8], dict(shape=(None,), order='C', device='cpu', writable=False)], limit: int | None, by_expectation: bool | None) -> tuple[dict[str, Any], int]:
+def rank_maneuvers(predictor: Predictor, traffic: Traffic, cooperative: Annotated[NDArray[numpy.uint8], dict(shape=(None,), order='C', device='cpu', writable=False)], limit: int | None, seconds: float, by_expectation: bool | None) -> tuple[dict[str, Any], int]:
     """
     Every crossing order and no intervention, ranked: columns (maneuver,), priorities (maneuver, pair); and how many orders were left out.
     """
 
-def order_probabilities(predictor: Predictor, traffic: Traffic, given: Annotated[NDArray[numpy.int8], dict(shape=(None,), order='C', device='cpu', writable=False)], mass: float, most: int, feasible: int) -> tuple[NDArray[numpy.int8], NDArray[numpy.float64], NDArray[numpy.float64], int, int]:
+def order_probabilities(predictor: Predictor, traffic: Traffic, given: Annotated[NDArray[numpy.int8], dict(shape=(None,), order='C', device='cpu', writable=False)], mass: float, most: int, feasible: int, seconds: float = float('inf')) -> tuple[NDArray[numpy.int8], NDArray[numpy.float64], NDArray[numpy.float64], int, int]:
     """
     The most probable orders (order, pair) and their probability (order,), that of each yielder going first (pair,), how many orders are feasible and how many were left out.
     """

@@ -1,6 +1,10 @@
-"""Numbers that come from outside, checked before the core is given them."""
+"""Arguments that come from outside, checked before anything is done with them."""
 
 from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from pathlib import Path
 
 import numpy as np
 
@@ -20,6 +24,28 @@ def whole_number(name: str, value: object) -> int:
     if abs(int(value)) > MOST_COUNT:
         raise ValueError(f"{name} is {value}; wanted at most {MOST_COUNT}")
     return int(value)
+
+
+def name_or_file(name: str, value: object, ships: Sequence[str]) -> Path:
+    """The value of an argument that says what ships, by its name, or a file.
+
+    Raises:
+        TypeError: neither a string nor a path.
+    """
+    if not isinstance(value, str | os.PathLike):
+        raise TypeError(f"{name} is {value!r}; wanted a name ({', '.join(ships)}), or the path of a file")
+    return Path(value)
+
+
+def file_there(name: str, path: Path, ships: Sequence[str]) -> Path:
+    """The path of a file that is there.
+
+    Raises:
+        FileNotFoundError: it is not; the message says what ships in its place.
+    """
+    if not path.exists():
+        raise FileNotFoundError(f'{name} "{path}": no such file; by name there are {", ".join(ships)}')
+    return path
 
 
 def check_seed(seed: object) -> int:

@@ -1,8 +1,7 @@
 """The command `python -m intersection_env.map_compiler`; the same as `python -m intersection_env.maps`."""
 
-import sys
-
+from intersection_env.command import run_command
 from intersection_env.maps.__main__ import main
 
 if __name__ == "__main__":
-    sys.exit(main())
+    run_command(main)

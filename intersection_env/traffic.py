@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import warnings
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
@@ -47,12 +48,15 @@ class Traffic:
         delta, hold: (vehicle,) bool and int16, what each vehicle remembers from a prediction: whether it enters, and
             whom it lets go while it waits itself (yielders of routes below that index; -1: nobody). Both, or neither:
             then they follow from positions and speeds. `Prediction.traffic_at` gives them.
-        may_overlap: whether bodies may overlap, as they can in a prediction.
+
+    Bodies may overlap, as perception gives them at times (a bicycle beside a car, 10 cm into a lead): `overlaps` names
+    the pairs. Who overlaps somebody is predicted like everybody else, and drives behind whoever's centre is ahead; the
+    two of a pair do not count in distances. `UserWarning` names vehicles that are more than twice as fast as the map
+    allows where they are: speeds are in m/s.
 
     Raises:
-        TypeError: an array of another dtype, or an id that is no string.
-        ValueError: shapes that differ, a value out of range, one memory without the other, an id twice, vehicles that
-            overlap.
+        TypeError: an array of another dtype, an id that is no string, or no `Intersection`.
+        ValueError: shapes that differ, a value out of range, one memory without the other, or an id twice.
     """
 
     intersection: Intersection
@@ -65,14 +69,17 @@ class Traffic:
     max_speed: NDArray[np.float32] = field(default=None)  # type: ignore[arg-type]
     delta: NDArray[np.bool_] | None = None
     hold: NDArray[np.int16] | None = None
-    may_overlap: bool = False
     core: _core.Traffic = field(init=False, repr=False, compare=False)
     conflicts: NDArray[np.int32] = field(init=False, repr=False, compare=False)
     """(pair, 2): indices of every pair still open, the one that yields by rule first."""
+    overlaps: tuple[tuple[str, str], ...] = field(init=False, repr=False, compare=False)
+    """Pairs of ids of vehicles whose bodies overlap."""
 
     def __post_init__(self) -> None:
         if self.max_speed is None:
             object.__setattr__(self, "max_speed", np.full(len(self.ids), np.inf, np.float32))
+        if not isinstance(self.intersection, Intersection):
+            raise TypeError(f"intersection is {self.intersection!r}; wanted an Intersection (Intersection.load)")
         self._check_arrays()
         for name in self._array_names():
             own = np.array(getattr(self, name), order="C")
@@ -81,11 +88,17 @@ class Traffic:
         core_map = self.intersection.core
         with naming(self.ids):
             core = _core.Traffic(core_map, *(getattr(self, name) for name in self._array_names()))
-        touching = None if self.may_overlap else _core.closest(core_map, core)
-        if touching is not None and touching[0] <= 0.0:
-            raise ValueError(f"vehicles {self.ids[touching[1]]} and {self.ids[touching[2]]} overlap")
+        overlaps = tuple((self.ids[a], self.ids[b]) for a, b in _core.overlaps(core_map, core))
         object.__setattr__(self, "core", core)
         object.__setattr__(self, "conflicts", _core.conflicts(core_map, core))
+        object.__setattr__(self, "overlaps", overlaps)
+        for vehicle in _core.doubted_speeds(core_map, core):
+            speed = float(self.speed[vehicle])
+            warnings.warn(
+                f"vehicle {self.ids[vehicle]}: a speed of {speed:g} m/s is {3.6 * speed:.0f} km/h, more than twice"
+                " what the map allows there; are speeds given in km/h?",
+                stacklevel=4,
+            )
 
     def _array_names(self) -> tuple[str, ...]:
         return ("route", *FLOAT_FIELDS, *(() if self.hold is None else MEMORY_DTYPES))
@@ -111,6 +124,8 @@ class Traffic:
     @classmethod
     def of(cls, intersection: Intersection, vehicles: Iterable[Vehicle]) -> Traffic:
         """The traffic of vehicles written by hand."""
+        if not isinstance(intersection, Intersection):
+            raise TypeError(f"intersection is {intersection!r}; wanted an Intersection (Intersection.load)")
         rows = list(vehicles)
         columns: dict[str, Any] = {
             name: np.array([getattr(row, name) for row in rows], dtype=np.float32) for name in FLOAT_FIELDS
@@ -162,7 +177,7 @@ class Traffic:
 
     def __reduce__(self) -> tuple[type[Traffic], tuple[object, ...]]:
         arrays = (getattr(self, name) for name in ("route", *FLOAT_FIELDS, *MEMORY_DTYPES))
-        return Traffic, (self.intersection, self.ids, *arrays, self.may_overlap)
+        return Traffic, (self.intersection, self.ids, *arrays)
 
 
 class naming:  # noqa: N801, a context manager reads as a verb

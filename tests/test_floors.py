@@ -26,7 +26,7 @@ UNKNOWN_TO = {"agents": ("data",), "imitation": ("data",)}
 FLOORS = {
     "intersection_env": (
         ("_core",),
-        ("constants", "features", "files", "arguments"),
+        ("installed", "command", "constants", "features", "files", "arguments"),
         ("maps", "policies"),
         ("traffic",),
         ("prediction", "scenes"),
@@ -34,9 +34,10 @@ FLOORS = {
         ("render",),
         ("envs",),
         ("__init__", "map_compiler"),
+        ("__main__",),
     ),
     "data": (("recording",), ("formats", "pipeline", "sumo"), ("build", "describe", "maps"), ("align",)),
-    "agents": (("networks", "training"), ("rollouts",), ("gap", "idm", "orders", "ppo")),
+    "agents": (("networks", "training"), ("rollouts",), ("export", "gap", "idm", "orders", "ppo")),
     "imitation": (
         ("tracks", "discriminator", "cloning", "empty_road_states", "map_tables", "torch_networks"),
         ("expert", "replay_error", "torch_model", "along_route"),
@@ -54,6 +55,7 @@ FLOORS = {
 }
 CORE = "intersection_env/core"
 CORE_FLOORS = (
+    ("cores",),
     ("model", "threads"),
     ("tables",),
     ("kernel/lanes",),

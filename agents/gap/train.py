@@ -22,6 +22,7 @@ from agents.networks.gap import GapNetwork, least_logit
 from agents.training.command import Command
 from agents.training.folder import RunFolder, decisive, file_hash, joint_hash
 from agents.training.loop import Epochs
+from agents.training.options import Maps
 from intersection_env.scenes.places import ALL_SCENES, load_places, map_names
 from intersection_env.scenes.scene import SPLITS
 from intersection_env.scenes.scenes import scenes_path
@@ -38,7 +39,7 @@ class GapSettings:
 
     scenes: tuple[Path, ...] = ALL_SCENES
     """Scenes that ship (names), or scenes files, which `python -m data.build` makes; of one place or several."""
-    map: tuple[str, ...] = ()
+    map: Maps = ()
     """The maps (files) of scenes on maps that do not ship."""
     run: Path = Path("runs/gap")
     """The run folder."""

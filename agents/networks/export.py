@@ -1,16 +1,10 @@
-"""Networks to policy files and back, and to ONNX.
-
-python -m agents.networks.export runs/gap/gap.policy --onnx runs/gap/gap.onnx
-"""
+"""Networks to policy files and back."""
 
 from __future__ import annotations
 
-import argparse
 import dataclasses
 import hashlib
-import sys
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Any, TypeVar
 
 import torch
@@ -18,7 +12,6 @@ import torch
 from agents.networks.driving import DrivingNetwork
 from agents.networks.gap import GapNetwork
 from agents.networks.order import OrderNetwork
-from intersection_env.files import written_whole
 from intersection_env.policies.file import NetworkWeights, PolicyFile
 
 Network = TypeVar("Network", GapNetwork, DrivingNetwork, OrderNetwork)
@@ -88,41 +81,3 @@ def _filled(network: Network, weights: NetworkWeights) -> Network:
             layer.weight.copy_(torch.from_numpy(weight))
             layer.bias.copy_(torch.from_numpy(bias))
     return network
-
-
-def save_onnx(network: GapNetwork, path: Path) -> None:
-    """Writes the network as ONNX: "features" (row, 4) float32 to "logit" (row,)."""
-    rows = torch.export.Dim("row")
-    program = torch.onnx.export(
-        network.eval(),
-        (torch.zeros(2, len(network.shift)),),
-        input_names=["features"],
-        output_names=["logit"],
-        dynamic_shapes=({0: rows},),
-        dynamo=True,
-        verbose=False,
-    )
-    assert program is not None
-    with written_whole(path) as temporary:
-        program.save(str(temporary))
-
-
-def main() -> int:
-    """Exports a policy file's gap network to ONNX; returns the exit status."""
-    parser = argparse.ArgumentParser(
-        prog="python -m agents.networks.export", description="A policy's gap network to ONNX."
-    )
-    parser.add_argument("policy", type=Path, help="a policy file (.policy)")
-    parser.add_argument("--onnx", type=Path, required=True, help="the file to write")
-    options = parser.parse_args()
-    try:
-        save_onnx(gap_network(PolicyFile.read(options.policy)), options.onnx)
-    except (OSError, ValueError) as error:
-        print(f"error: {error}", file=sys.stderr)
-        return 1
-    print(f"written: {options.onnx}")
-    return 0
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -1,10 +1,9 @@
 """The command `python -m agents.orders`."""
 
-import sys
-
 import tyro
 
 from agents.orders.train import COMMAND, PROFILES, main
+from intersection_env.command import run_command
 
 if __name__ == "__main__":
-    sys.exit(main(tyro.extras.overridable_config_cli(PROFILES, prog=COMMAND)))
+    run_command(lambda: main(tyro.extras.overridable_config_cli(PROFILES, prog=COMMAND)))

@@ -24,6 +24,7 @@ from agents.orders.spread import spread_of
 from agents.training.command import Command
 from agents.training.folder import RunFolder, decisive, file_hash, joint_hash
 from agents.training.loop import Epochs
+from agents.training.options import Maps
 from intersection_env.policies.file import PolicyFile
 from intersection_env.policies.named import DEFAULT, policy_named
 from intersection_env.scenes.places import ALL_SCENES, load_places, map_names
@@ -40,7 +41,7 @@ class OrderSettings:
 
     scenes: tuple[Path, ...] = ALL_SCENES
     """Scenes that ship (names), or scenes files, which `python -m data.build` makes; of one place or several."""
-    map: tuple[str, ...] = ()
+    map: Maps = ()
     """The maps (files) of scenes on maps that do not ship."""
     policy: str = DEFAULT
     """Who is to forecast: a policy that ships, or a policy file. The network does not depend on it; the spread does."""

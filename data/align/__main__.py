@@ -16,9 +16,11 @@ from data.align.report import report
 from data.align.source_file import write_source
 from data.build import recordings_on
 from data.formats.folder import read_recording
+from intersection_env.command import run_command
+from intersection_env.files import check_writable
 from intersection_env.maps.intersection import MAPS, Intersection, shipped_maps
 from intersection_env.maps.source import MapSource
-from intersection_env.plots.files import write_figure
+from intersection_env.plots.files import check_figure, write_figure
 
 ABOUT = "Lanes moved to where recorded cars drive (python -m data.align): traced, under the recordings' licence."
 NOTE = "traced from recordings: what their licence says of them holds for this map and its picture, too"
@@ -40,12 +42,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
         path = source_path(options.map)
         if options.out.suffix != ".json":
             raise ValueError(f'--out must end in .json, not "{options.out}"')
+        picture = options.picture or options.out.with_suffix(".png")
+        check_writable(options.out)
+        check_figure(picture)
         source, before = MapSource.read(path), Intersection.load(options.map)
         on_map, _ = recordings_on(options.folder, before)
         recordings = [read_recording(options.folder, id) for id in on_map]
         alignment = align(source, before, recordings, options.least_cars)
         write_source(path, alignment.source, options.out, options.name or f"{source.name}_aligned", ABOUT)
-        picture = options.picture or options.out.with_suffix(".png")
         write_figure(plot_alignment(alignment), picture)
     except (OSError, ValueError) as error:
         print(f"error: {error}", file=sys.stderr)
@@ -71,4 +75,4 @@ def source_path(name_or_path: str) -> Path:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    run_command(main)

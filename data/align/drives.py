@@ -33,7 +33,7 @@ class Drive(NamedTuple):
 
 def find_drives(recordings: Iterable[Recording], intersection: Intersection) -> list[Drive]:
     """The cars and trucks of recordings on the routes that they fit, with generous tolerances."""
-    lines = [RouteLine.of(intersection, route) for route in intersection.routes]
+    lines = [RouteLine(intersection, route) for route in intersection.routes]
     drives: list[Drive] = []
     for recording in (one.resampled(DT) for one in recordings):
         number = {f"{recording.id}/{id}": index for index, id in enumerate(recording.track_id)}

@@ -20,6 +20,7 @@ from data.describe.speeds import STANDING, Spread, slowest_in_junction, speed_be
 from data.pipeline.filters import together, touchings
 from data.pipeline.shared_lanes import overlap_length, pair_gap
 from data.sumo import places as simulated
+from intersection_env.command import run_command
 from intersection_env.constants import DT
 from intersection_env.scenes.places import load_places
 from intersection_env.scenes.scenes import Scenes
@@ -195,4 +196,4 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    run_command(main)

@@ -20,7 +20,8 @@ from data.maps.lanelets import LaneMap
 from data.maps.place import on_lanes, shift_to
 from data.maps.source_of import Imported, source_of
 from data.maps.source_text import source_text
-from intersection_env.files import written_whole
+from intersection_env.command import run_command
+from intersection_env.files import check_writable, written_whole
 from intersection_env.maps.source import LARGEST, MapSource
 
 ENOUGH = 0.6  # ours: where so many cars drive on lanes already, the map lies where it should
@@ -48,6 +49,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         if options.out.suffix != ".json":
             raise ValueError(f'--out must end in .json, not "{options.out}"')
+        check_writable(options.out)
         around = None if options.around is None else _circle(options.around)
         lane_map = _read(options.file, options.origin)
         if options.shift is not None:
@@ -146,4 +148,4 @@ def _numbers(option: str, text: str, count: int) -> tuple[float, ...]:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    run_command(main)

@@ -6,7 +6,6 @@ from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
-import shapely
 from numpy.typing import NDArray
 
 from data.pipeline.projection import STANDS, Projection
@@ -48,7 +47,7 @@ def crossings(recording: Recording, projection: Projection, intersection: Inters
         return []
     rows = np.concatenate([np.arange(recording.offsets[index], recording.offsets[index + 1]) for index in who])
     owner = np.repeat(who, np.diff(recording.offsets)[who])
-    on_road = _on_roadway(shapely.points(recording.x[rows], recording.y[rows]), intersection)
+    on_road = _on_roadway(np.stack([recording.x[rows], recording.y[rows]], axis=1), intersection)
     margin = round(CROSSING_MARGIN / DT)
     intervals: list[Interval] = []
     for index in who:
@@ -146,11 +145,11 @@ def _overtaking(
         yield Interval("overtaking", int(gap.steps[begin]) - margin, int(gap.steps[end]) + 1 + margin)
 
 
-def _on_roadway(points: NDArray[np.object_], intersection: Intersection) -> NDArray[np.bool_]:
+def _on_roadway(points: NDArray[np.float64], intersection: Intersection) -> NDArray[np.bool_]:
     inside = np.zeros(len(points), dtype=np.bool_)
     for route in intersection.routes:
-        line = RouteLine.of(intersection, route)
-        position, distance = line.locate(points)
+        line = RouteLine(intersection, route)
+        position, distance, _ = line.locate(points)
         begin, end = route.junction
         near = (position > max(begin - NEAR, 0.0)) & (position < min(end + NEAR, route.length))
         inside |= near & (distance < 0.5 * line.width(position) - KERB)

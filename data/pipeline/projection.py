@@ -13,7 +13,6 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-import shapely
 from numpy.typing import NDArray
 
 from data.pipeline.route_line import Floats, RouteLine
@@ -24,7 +23,6 @@ from intersection_env.scenes.scene import Track
 
 RMS_EXCESS = 2.0  # [m], ours: real drivers cut corners all along a turn; neighbouring lanes are 2.8 m apart
 MAX_EXCESS = 3.0  # [m], ours: left-turners cut corners by up to 2 m
-PLAIN_LANE = 3.5  # [m], ours: in a lane of this width or less all of the distance counts
 ALONG = 0.9  # ours: least share of the way driven that leads along the route (a mean angle of 25 degrees)
 BACKWARD = 1.0  # [m], ours: a standing vehicle's position jitters by less
 LEAST_SAMPLES = 5  # ours: a track shorter than 1 s shows neither lane nor manner of driving
@@ -76,7 +74,7 @@ def project(
     rms_excess, max_excess: how far the tracks may lie from a route that they fit [m].
     """
     dropped: Counter[str] = Counter()
-    lines = [RouteLine.of(intersection, route) for route in intersection.routes]
+    lines = [RouteLine(intersection, route) for route in intersection.routes]
     candidates = _candidates(recording, lines, dropped)
     unassigned: dict[int, str] = {}
     tracks: list[Track] = []
@@ -85,7 +83,7 @@ def project(
     begin, end = recording.offsets[candidates], recording.offsets[np.add(candidates, 1)]
     rows = np.concatenate([np.arange(b, e) for b, e in zip(begin, end, strict=True)])
     offsets = np.concatenate([[0], np.cumsum(end - begin)])
-    points = shapely.points(recording.x[rows], recording.y[rows])
+    points = np.stack([recording.x[rows], recording.y[rows]], axis=1)
     stands = [stands_all_along(recording, index) for index in candidates]
     motion = _motion(recording, rows, np.repeat(stands, end - begin))
     fits = [_fit(line, motion, points, offsets, (rms_excess, max_excess)) for line in lines]
@@ -137,15 +135,13 @@ def _motion(recording: Recording, rows: NDArray[np.int64], stands: Flags) -> Flo
 def _fit(
     line: RouteLine,
     motion: Floats,
-    points: NDArray[np.object_],
+    points: Floats,
     offsets: NDArray[np.int64],
     tolerance: tuple[float, float],
 ) -> Fit:
-    position, distance = line.locate(points)
+    position, distance, excess = line.locate(points)
     inside = (position > 0.0) & (position < line.route.length)
-    excess = inside.astype(np.float64) * np.maximum(
-        0.0, distance - np.maximum(0.0, 0.5 * (line.width(position) - PLAIN_LANE))
-    )
+    excess = excess * inside
     return _judged(line, (position, distance, inside, excess), motion, offsets, tolerance)
 
 

@@ -5,12 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import shapely
 from numpy.typing import NDArray
 
 from intersection_env.maps.intersection import XY, Intersection, Route, Sample
 
-STRAIGHT = 1e-3  # [m], ours: points of a centreline that deviate less are left out
 BEND = 1.0  # [m], ours: a bend is measured over as much before and behind
 MOST_STRETCH = 2.0  # ours: near the centre of a bend the nearest place leaps
 
@@ -23,24 +21,13 @@ class RouteLine:
 
     intersection: Intersection
     route: Route
-    line: shapely.LineString
-    """The centreline without the points that lie straight between others: the straights are most of it."""
-    along_line: Floats
-    """(sample,) where the route's samples lie on the line [m]; chords are a little shorter than arcs."""
 
-    @classmethod
-    def of(cls, intersection: Intersection, route: Route) -> RouteLine:
-        points = route.samples[:, :2].astype(np.float64)
-        line = shapely.simplify(shapely.LineString(points), STRAIGHT)
-        along_line = np.asarray(shapely.line_locate_point(line, shapely.points(points)))
-        return cls(intersection, route, line, along_line)
+    def locate(self, points: Floats) -> tuple[Floats, Floats, Floats]:
+        """Arc length, distance and excess of the nearest place on the route, per point (point, 2) [m].
 
-    def locate(self, points: NDArray[np.object_]) -> tuple[Floats, Floats]:
-        """Arc length and distance of the nearest place on the route, per point [m]."""
-        along = shapely.line_locate_point(self.line, points)
-        arc_length = self.intersection.spacing * np.arange(len(self.along_line))
-        position = np.minimum(np.interp(along, self.along_line, arc_length), self.route.length)
-        return position, shapely.distance(self.line, points)
+        The excess is the distance less what a lane wider than 3.5 m leaves free.
+        """
+        return self.intersection.core.project(self.route.index, np.ascontiguousarray(points, dtype=np.float64))
 
     def width(self, position: Floats) -> Floats:
         """The lane's width at the given arc lengths [m]."""

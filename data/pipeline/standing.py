@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-import shapely
 
 from data.pipeline.route_line import RouteLine
 from data.recording import Recording
@@ -32,9 +31,9 @@ def is_parked(recording: Recording, index: int, lines: Sequence[RouteLine]) -> b
     rows = slice(recording.offsets[index], recording.offsets[index + 1])
     frame = recording.frame[rows]
     lasting = frame[0] <= AT_ENDS and frame[-1] >= recording.frame.max() - AT_ENDS
-    place = shapely.points([np.median(recording.x[rows])], [np.median(recording.y[rows])])
+    place = np.array([[np.median(recording.x[rows]), np.median(recording.y[rows])]])
     for line in lines:
-        position, distance = line.locate(place)
+        position, distance, _ = line.locate(place)
         half = 0.5 * float(line.width(position)[0])
         beyond = position[0] <= 0.0 or position[0] >= line.route.length
         if beyond or distance[0] >= half:

@@ -8,6 +8,8 @@ and our own centrelines, so a vehicle's centre lies on its route, except while i
 from __future__ import annotations
 
 import argparse
+import sys
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -21,6 +23,7 @@ from data.sumo import tracks as sumo_tracks
 from data.sumo.network import Network
 from data.sumo.places import NUMBERS, PLACES, Place, place_of
 from data.sumo.tracks import FRAME_RATE, Track
+from intersection_env.files import check_writable
 from intersection_env.maps.source import MapSource
 from intersection_env.scenes.scene import SPLITS
 
@@ -29,23 +32,29 @@ DURATION, WARM_UP = 720.0, 60.0  # [s]
 SEED, REDRAW = 20100, 1000  # recording NN has seed SEED + NN, plus REDRAW for every time it is drawn again
 
 
-def main() -> None:
-    """Regenerate the recordings."""
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Regenerates the recordings; returns the exit status."""
     parser = argparse.ArgumentParser(prog="python -m data.sumo", description=__doc__)
     parser.add_argument("--recording", type=int, choices=NUMBERS, help="only this one, without settings.json")
     parser.add_argument("--output", type=Path, default=RECORDINGS, help="folder to write to")
     parser.add_argument(
         "--wider", type=float, default=1.0, help="times as different drivers as usual; needs another --output"
     )
-    options = parser.parse_args()
-    if options.wider < 1.0:
+    options = parser.parse_args(arguments)
+    if not options.wider >= 1.0:
         parser.error(f"--wider must be at least 1, not {options.wider:g}")
     if options.wider > 1.0 and options.output.resolve() == RECORDINGS:
         parser.error("--wider needs an --output of its own, so that the recordings that ship stay as they are")
     numbers = NUMBERS if options.recording is None else [options.recording]
-    seeds = {number: generate(number, options.output, options.wider) for number in tqdm(numbers, unit="recording")}
-    if options.recording is None:
-        sumo_files.write_settings(options.output, _made_with(seeds, options.wider))
+    try:
+        check_writable(options.output / "settings.json")
+        seeds = {number: generate(number, options.output, options.wider) for number in tqdm(numbers, unit="recording")}
+        if options.recording is None:
+            sumo_files.write_settings(options.output, _made_with(seeds, options.wider))
+    except (OSError, ValueError) as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 1
+    return 0
 
 
 def generate(number: int, folder: Path, wider: float = 1.0) -> list[int]:

@@ -12,6 +12,7 @@ import tempfile
 import time
 import warnings
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +22,7 @@ from data.sumo import network as sumo_network
 from data.sumo.command import command_of, dense_traffic
 from experiments.bench.own_process import in_own_process, print_row
 from experiments.bench.stopwatch import summary
+from intersection_env.command import run_command
 from intersection_env.constants import DT
 
 REPEATS = 5
@@ -34,6 +36,7 @@ TWELVE_AGENTS = {
 }
 """HighwayEnv with our numbers: 12 agents, nobody else, steps of 0.2 s. By default it has 2 among 10 and takes 15 steps
 of 1/15 s between two actions."""
+VERSIONS = ("v0", "v1", "v2")  # of HighwayEnv 1.12.1
 SUMO_WARM_UP, SUMO_STEPS = 120.0, 1000  # [s], steps of a repetition
 
 
@@ -54,7 +57,7 @@ def highway_run(version: str, config: dict[str, Any]) -> dict[str, Any]:
 
     importlib.import_module("highway_env")
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # there is a v2, not a multi-agent one to compare with
+        warnings.simplefilter("ignore")  # Gymnasium advises the newest version; all are timed
         env = gymnasium.make(f"intersection-multi-agent-{version}", config=config)
     env.action_space.seed(0)
     env.reset(seed=0)
@@ -95,10 +98,11 @@ def libsumo_run() -> dict[str, Any]:
 
 
 PEERS: dict[str, Callable[[], dict[str, Any]]] = {
-    "HighwayEnv intersection-multi-agent-v0": lambda: highway_run("v0", {}),
-    "HighwayEnv intersection-multi-agent-v1": lambda: highway_run("v1", {}),
-    "HighwayEnv intersection-multi-agent-v0, our numbers": lambda: highway_run("v0", TWELVE_AGENTS),
-    "HighwayEnv intersection-multi-agent-v1, our numbers": lambda: highway_run("v1", TWELVE_AGENTS),
+    **{f"HighwayEnv intersection-multi-agent-{one}": partial(highway_run, one, {}) for one in VERSIONS},
+    **{
+        f"HighwayEnv intersection-multi-agent-{one}, our numbers": partial(highway_run, one, TWELVE_AGENTS)
+        for one in VERSIONS
+    },
     "libsumo on our Bendplatz": libsumo_run,
 }
 
@@ -111,4 +115,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    run_command(main)

@@ -22,6 +22,7 @@ from experiments.bench.own_process import in_own_process, print_row
 from experiments.bench.stopwatch import core_watch, spread
 from experiments.bench.timed_traffic import VEHICLES, both_networks, traffic
 from intersection_env import _core
+from intersection_env.command import run_command
 from intersection_env.constants import DT
 from intersection_env.policies.file import NetworkWeights
 
@@ -191,4 +192,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    run_command(main)

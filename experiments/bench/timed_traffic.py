@@ -79,11 +79,8 @@ def _random_traffic(generator: np.random.Generator) -> Traffic:
         tried = Vehicle(str(len(vehicles)), route.id, position, float(generator.uniform(0.0, 12.0)))
         if any(one.route == tried.route and abs(one.position - position) < 8.0 for one in vehicles):
             continue
-        try:
-            Traffic.of(bendplatz, [*vehicles, tried])
-        except ValueError:  # two overlap
-            continue
-        vehicles.append(tried)
+        if not Traffic.of(bendplatz, [*vehicles, tried]).overlaps:
+            vehicles.append(tried)
     return Traffic.of(bendplatz, vehicles)
 
 

@@ -21,6 +21,7 @@ from PIL import Image
 from experiments.documentation.features import figure
 from experiments.documentation.results import ROOT
 from intersection_env import ClosedLoop, ClosedLoopWorlds, Replay, ReplayVector, ReplayWorlds, parallel_env
+from intersection_env.command import run_command
 from intersection_env.files import written_whole
 from intersection_env.plots.files import write_figure
 from intersection_env.worlds import life as worlds
@@ -143,4 +144,4 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 
 if __name__ == "__main__":
-    main()
+    run_command(main)

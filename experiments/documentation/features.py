@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from experiments.show.style import BLUE, RED
 from intersection_env import Intersection, Predictor, Traffic, Vehicle
+from intersection_env.command import run_command
 from intersection_env.features import Driving, Gap
 from intersection_env.maps.intersection import Sample
 from intersection_env.plots.colours import INK
@@ -192,4 +193,4 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 
 if __name__ == "__main__":
-    main()
+    run_command(main)

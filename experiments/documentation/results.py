@@ -25,6 +25,7 @@ from experiments.show.gap import accuracy_table
 from experiments.show.horizon import errors_table, until_last_seen_table
 from experiments.show.predictor_speed import speed_section
 from experiments.show.tables import markdown_table
+from intersection_env.command import run_command
 from intersection_env.files import written_whole
 
 ROOT = Path(__file__).parents[2]
@@ -122,4 +123,4 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 
 if __name__ == "__main__":
-    main()
+    run_command(main)

@@ -18,7 +18,8 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from experiments.results_files import write_result
+from agents.training.options import Maps
+from experiments.results_files import check_outputs, write_result
 from experiments.show.crossing_order import (
     BASELINES,
     COMPARED,
@@ -165,7 +166,7 @@ class Options:
 
     scenes: tuple[Path, ...] = PAPERS_SCENES
     """Scenes that ship (names), or scenes files, which `python -m data.build` makes; of one place or several."""
-    map: tuple[str, ...] = ()
+    map: Maps = ()
     """The maps (files) of scenes on maps that do not ship."""
     split: Literal["development", "validation"] = "development"
     """What to measure on; validation is for the report only."""
@@ -177,12 +178,14 @@ class Options:
 
 def main(options: Options) -> int:
     """Measures as told, prints the tables, writes the results; returns the exit status."""
+    out = options.out / f"order_{options.split}.json"
     try:
+        check_outputs(out)
         moments, refused = moments_in(load_places(options.scenes, options.map), options.split)
         results = order_results([Predictor.load(policy) for policy in options.policies], moments)
         content = {"split": options.split, "refused": len(refused), **results}
         print(order_table(results))
-        write_result(options.out / f"order_{options.split}.json", content)
+        write_result(out, content)
     except (OSError, ValueError) as error:
         print(f"error: {error}", file=sys.stderr)
         return 1

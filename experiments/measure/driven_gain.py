@@ -23,7 +23,7 @@ from experiments.measure.driven_plans import Order, Plan, jobs_of, plan_of
 from experiments.measure.driven_scores import REAL, Samples, differences, noise_figures, ranking_figures
 from experiments.models.driven_on import Driven, driven_on
 from experiments.models.from_trajectories import lost_time, minimum_distance, prediction_of_trajectories
-from experiments.results_files import write_result
+from experiments.results_files import check_outputs, write_result
 from experiments.show.driven_gain import driven_text, plot_driven
 from intersection_env.constants import DT, STEPS
 from intersection_env.evaluation.moments import Moment, contested, thinned
@@ -183,16 +183,16 @@ class Options:
 
 def main(options: Options) -> int:
     """Measures as told, prints the tables, writes the results; returns the exit status."""
+    out = options.out / f"driven_gain_{options.split}.json"
     try:
+        check_outputs(out, options.figure)
         moments, _ = moments_in(load_places((options.scenes,), ()), options.split)
         chosen = thinned(contested(moments), options.moments)
         results = driven_results(Predictor.load(options.policy), chosen, options.seed)
         print(driven_text(results))
         if options.figure:
             write_figure(plot_driven(results), options.figure)
-        write_result(
-            options.out / f"driven_gain_{options.split}.json", {"split": options.split, "missing": {}, **results}
-        )
+        write_result(out, {"split": options.split, "missing": {}, **results})
     except (OSError, ValueError, ModuleNotFoundError) as error:
         print(f"error: {error}", file=sys.stderr)
         return 1

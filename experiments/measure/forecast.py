@@ -16,8 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agents.orders.samples import order_samples
+from agents.training.options import Maps
 from experiments.measure.order_chances import CLOSEST, Learned, OrderChances, order_chances
-from experiments.results_files import write_result
+from experiments.results_files import check_outputs, write_result
 from experiments.show.crossing_order import POPULATIONS
 from experiments.show.forecast import CHANCES, JOINT, SUMO_RULE, forecast_text, plot_reliability
 from intersection_env.constants import DT
@@ -45,7 +46,7 @@ class Options:
 
     scenes: tuple[Path, ...] = ALL_SCENES
     """Scenes that ship (names), or scenes files, which `python -m data.build` makes; of one place or several."""
-    map: tuple[str, ...] = ()
+    map: Maps = ()
     """The maps (files) of scenes on maps that do not ship."""
     policy: str = DEFAULT
     """A policy that ships, or a policy file."""
@@ -194,7 +195,9 @@ def _of_positions(parts: Sequence[tuple[str, Floats]]) -> dict[str, Any]:
 
 def main(options: Options) -> int:
     """Measures as told, prints the tables, writes the results; returns the exit status."""
+    out = options.out / f"forecast_{options.split}.json"
     try:
+        check_outputs(out, options.figure)
         places, predictor = load_places(options.scenes, options.map), Predictor.load(options.policy)
         if not predictor.core_policy.can_forecast:
             raise ValueError(f'the policy "{predictor.name}" holds no order network')
@@ -202,7 +205,7 @@ def main(options: Options) -> int:
         print(forecast_text(results))
         if options.figure:
             write_figure(plot_reliability(results), options.figure)
-        write_result(options.out / f"forecast_{options.split}.json", {"split": options.split, **results})
+        write_result(out, {"split": options.split, **results})
     except (OSError, ValueError) as error:
         print(f"error: {error}", file=sys.stderr)
         return 1

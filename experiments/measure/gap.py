@@ -23,9 +23,10 @@ from agents.gap.train import GapSettings, train_network
 from agents.networks.export import gap_network
 from agents.networks.gap import GapNetwork
 from agents.training.interrupt import Interrupted
+from agents.training.options import Maps
 from experiments.measure.gap_acceptance import acceptance_curves, chances, seen_gap
 from experiments.measure.gap_scores import FOES, Tally, compare, pooled, tally
-from experiments.results_files import write_result
+from experiments.results_files import check_outputs, write_result
 from experiments.show.gap import BINS, NETWORK, measures_table, plot_acceptance
 from intersection_env.evaluation.intervals import COVERAGE, RESAMPLES
 from intersection_env.plots.files import write_figure
@@ -40,7 +41,7 @@ class Options:
 
     scenes: tuple[Path, ...] = PAPERS_SCENES
     """Scenes that ship (names), or scenes files, which `python -m data.build` makes; of one place or several."""
-    map: tuple[str, ...] = ()
+    map: Maps = ()
     """The maps (files) of scenes on maps that do not ship."""
     policy: str = "gap"
     """A policy file with a gap network, or the name of a shipped one."""
@@ -104,13 +105,15 @@ def main(options: Options) -> int:
     try:
         if options.folds and options.figure:
             raise ValueError("--figure shows one network, and with --folds there are several; leave one of them out")
+        out = options.out / f"gap_{'folds' if options.folds else options.split}.json"
+        check_outputs(out, options.figure)
         places = load_places(options.scenes, options.map)
         content: dict[str, Any] = {"bins": BINS, "resamples": RESAMPLES, "coverage": COVERAGE}
         if options.folds:
-            name, samples = "folds", gap_samples(places)[0]
+            samples = gap_samples(places)[0]
             content |= {"folds": options.folds, "foes": on_folds(samples, options.folds, GapSettings())}
         else:
-            name, path = options.split, policy_path(options.policy)
+            path = policy_path(options.policy)
             network = gap_network(PolicyFile.read(path))
             train, test = (
                 gap_samples([place.select(split) for place in places])[0] for split in ("train", options.split)
@@ -119,7 +122,7 @@ def main(options: Options) -> int:
             if options.figure:
                 _draw(network, test.select("all"), content["foes"], options.figure)
         print(measures_table(content["foes"]))
-        write_result(options.out / f"gap_{name}.json", content)
+        write_result(out, content)
     except Interrupted as interrupt:
         print("interrupted; nothing written", file=sys.stderr)
         return interrupt.status

@@ -19,9 +19,10 @@ import numpy as np
 from numpy.typing import NDArray
 from tqdm import tqdm
 
+from agents.training.options import Maps
 from experiments.measure.forecasters import MeanOverOrders, MostProbableOrder
 from experiments.measure.order_handed_in import OrderHandedIn
-from experiments.results_files import write_result
+from experiments.results_files import check_outputs, write_result
 from experiments.show.horizon import QUANTITIES, errors_text, order_handed_in_text, plot_errors
 from intersection_env.constants import DT, STEPS
 from intersection_env.evaluation.errors import (
@@ -64,7 +65,7 @@ class Options:
 
     scenes: tuple[Path, ...] = PAPERS_SCENES
     """Scenes that ship (names), or scenes files, which `python -m data.build` makes; of one place or several."""
-    map: tuple[str, ...] = ()
+    map: Maps = ()
     """The maps (files) of scenes on maps that do not ship."""
     policies: tuple[str, ...] = ("rollout_gradient", "gail", "ppo", "gap", "idm_calibrated", "constant_velocity")
     """Names of shipped policies or rules, or policy files."""
@@ -229,7 +230,9 @@ def _handed_in(predictors: Sequence[Predictor], moments: Sequence[Moment]) -> di
 
 def main(options: Options) -> int:
     """Measures as told, prints the table, writes the results; returns the exit status."""
+    out = options.out / f"horizon_{options.split}.json"
     try:
+        check_outputs(out, options.figure)
         moments, refused = moments_in(load_places(options.scenes, options.map), options.split)
         models, informed = ([Predictor.load(one) for one in of] for of in (options.policies, options.order_handed_in))
         forecasts = [
@@ -240,9 +243,7 @@ def main(options: Options) -> int:
         print(order_handed_in_text(results))
         if options.figure:
             write_figure(plot_errors(results, {name: name for name in results["models"]}), options.figure)
-        write_result(
-            options.out / f"horizon_{options.split}.json", {"split": options.split, "refused": len(refused), **results}
-        )
+        write_result(out, {"split": options.split, "refused": len(refused), **results})
     except (OSError, ValueError) as error:
         print(f"error: {error}", file=sys.stderr)
         return 1

@@ -18,7 +18,8 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from experiments.results_files import write_result
+from agents.training.options import Maps
+from experiments.results_files import check_outputs, write_result
 from experiments.show.maneuver_gain import gain_table, plot_gain
 from intersection_env.evaluation.intervals import interval
 from intersection_env.evaluation.moments import Moment, contested, thinned
@@ -151,7 +152,7 @@ class Options:
 
     scenes: tuple[Path, ...] = PAPERS_SCENES
     """Scenes that ship (names), or scenes files, which `python -m data.build` makes; of one place or several."""
-    map: tuple[str, ...] = ()
+    map: Maps = ()
     """The maps (files) of scenes on maps that do not ship."""
     policy: str = DEFAULT
     """A shipped policy, a rule, or a policy file."""
@@ -171,14 +172,16 @@ class Options:
 
 def main(options: Options) -> int:
     """Measures as told, prints the table, writes the results; returns the exit status."""
+    out = options.out / f"maneuvers_{options.split}.json"
     try:
+        check_outputs(out, options.figure)
         moments, _ = moments_in(load_places(options.scenes, options.map), options.split)
         chosen = thinned(contested(moments), options.moments)
         results = maneuver_results(Predictor.load(options.policy), chosen, options.seed, options.limit)
         print(gain_table(results))
         if options.figure:
             write_figure(plot_gain(results), options.figure)
-        write_result(options.out / f"maneuvers_{options.split}.json", {"split": options.split, **results})
+        write_result(out, {"split": options.split, **results})
     except (OSError, ValueError) as error:
         print(f"error: {error}", file=sys.stderr)
         return 1

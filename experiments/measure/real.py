@@ -22,6 +22,7 @@ import torch
 from agents.gap.baselines import BASELINES
 from agents.gap.samples import GapSamples, gap_samples
 from agents.networks.export import gap_network
+from agents.training.options import Maps
 from data.build import build, maps_of
 from data.describe.statistics import describe, statistics
 from experiments.measure.crossing_order import order_results
@@ -34,7 +35,7 @@ from experiments.show.real import real_page
 from intersection_env.constants import DT
 from intersection_env.evaluation.errors import evaluate
 from intersection_env.evaluation.moments import SCORED, moments_of
-from intersection_env.files import written_whole
+from intersection_env.files import check_writable, written_whole
 from intersection_env.maps.intersection import Sample
 from intersection_env.policies.file import PolicyFile
 from intersection_env.policies.named import GAP_RULES, POLICIES
@@ -52,7 +53,7 @@ class Options:
 
     recordings: Path
     """The folder of the recordings: inD's, INTERACTION's or CommonRoad's."""
-    map: tuple[str, ...] = ()
+    map: Maps = ()
     """Maps (names, or files) of the places; none: each that ships and has recordings in the folder."""
     out: Path = Path("out/real")
     """The folder of the page, "real.md" and "real.html", its figures, "real.json", and the scenes files."""
@@ -153,6 +154,7 @@ def main(options: Options) -> int:
     """Scores all that ships and writes the page; returns the exit status."""
     torch.set_num_threads(1)  # such small networks gain nothing from more
     try:
+        check_writable(*(options.out / f"real.{name}" for name in ("json", "md", "html")))
         places: dict[str, Any] = {}
         for intersection in maps_of(options.recordings, options.map):
             scenes = build(options.recordings, intersection)

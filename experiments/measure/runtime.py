@@ -27,7 +27,7 @@ from experiments.bench.stopwatch import reference_rate
 from experiments.bench.timed_traffic import random_traffics
 from experiments.measure import runtime_libsumo
 from experiments.measure.timed_calls import Times, milliseconds, model_row
-from experiments.results_files import write_result
+from experiments.results_files import check_outputs, write_result
 from experiments.show.runtime import plot_runtimes, runtimes_text
 from intersection_env import Predictor, Traffic, _core
 from intersection_env.plots.files import write_figure
@@ -182,10 +182,12 @@ def torch_times(policy: PolicyFile, seed: int) -> dict[str, Any]:
 
 def main(options: Options) -> int:
     """Times as told, prints the table, writes the results and the figure; returns the exit status."""
+    out = options.out / "runtime.json"
     try:
+        check_outputs(out, options.figure)
         results = runtime_results(options)
         print(runtimes_text(results))
-        write_result(options.out / "runtime.json", results)
+        write_result(out, results)
         if options.figure:
             from matplotlib import rc_context
 

@@ -6,7 +6,6 @@ python -m experiments.measure.runtime_libsumo
 from __future__ import annotations
 
 import importlib
-import sys
 import tempfile
 import time
 from pathlib import Path
@@ -20,6 +19,7 @@ from experiments.bench.predictor_peers import SEARCHED
 from experiments.bench.stopwatch import core_watch
 from experiments.measure.timed_calls import Times, garbage_kept, model_row
 from intersection_env import _core
+from intersection_env.command import run_command
 from intersection_env.constants import DT
 
 SUMO_STATES, SUMO_SPACING, SUMO_REPEATS = 20, 2.0, 3  # a number of vehicles; [s] of one number's, at least; of each
@@ -76,4 +76,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    run_command(main)

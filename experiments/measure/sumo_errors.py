@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
+from agents.training.options import Maps
 from experiments.models.sumo_predictor import predictions
 from intersection_env.evaluation.errors import evaluate
 from intersection_env.evaluation.places import moments_in
@@ -26,7 +27,7 @@ class Options:
 
     scenes: tuple[Path, ...] = PAPERS_SCENES
     """Scenes that ship (names), or scenes files, which `python -m data.build` makes; of one place or several."""
-    map: tuple[str, ...] = ()
+    map: Maps = ()
     """The maps (files) of scenes on maps that do not ship."""
     split: Literal["train", "development", "validation"] = "development"
     """What to measure on."""

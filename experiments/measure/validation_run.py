@@ -21,7 +21,8 @@ from tqdm import tqdm
 
 from agents.networks.export import driving_network
 from agents.rollouts.validation_run import STEPS, ValidationRun, validation_run
-from experiments.results_files import write_result
+from agents.training.options import Maps
+from experiments.results_files import check_outputs, write_result
 from experiments.show.validation_run import plot_accelerations, runs_text
 from imitation.expert import expert_steps
 from intersection_env.constants import ACCELERATION
@@ -45,7 +46,7 @@ class Options:
     scenes: tuple[Path, ...] = PAPERS_SCENES
     """Scenes that ship (names), or scenes files, on whose maps is driven, one after the other, and whose recorded
     accelerations stand beside."""
-    map: tuple[str, ...] = ()
+    map: Maps = ()
     """The maps (files) of scenes on maps that do not ship."""
     policies: tuple[str, ...] = ("ppo", "gail", "rollout_gradient")
     """Names of shipped policies, or policy files, with a driving network."""
@@ -137,7 +138,13 @@ def main(options: Options) -> int:
         places = load_places(options.scenes, options.map)
         if options.figure and len(places) > 1:
             raise ValueError("--figure shows one place, and there are several --scenes; leave one of them out")
-        for place in places:
+        outs = {
+            place: options.out / f"closed_loop{'' if len(places) == 1 else f'_{place.intersection.name}'}.json"
+            for place in places
+        }
+        for out in outs.values():
+            check_outputs(out, options.figure)
+        for place, out in outs.items():
             name = place.intersection.name
             results = closed_loop_results(
                 [Predictor.load(one) for one in options.policies],
@@ -148,7 +155,7 @@ def main(options: Options) -> int:
             print(f"{name}: {WORLDS} worlds of {VEHICLES} vehicles, {STEPS} steps\n{runs_text(results)}")
             if options.figure:
                 write_figure(plot_accelerations(results, {one: one for one in results["drivers"]}), options.figure)
-            write_result(options.out / f"closed_loop{'' if len(places) == 1 else f'_{name}'}.json", results)
+            write_result(out, results)
     except (OSError, ValueError) as error:
         print(f"error: {error}", file=sys.stderr)
         return 1

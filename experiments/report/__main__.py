@@ -1,8 +1,7 @@
 """The command `python -m experiments.report`."""
 
-import sys
-
 from experiments.report.report import main
+from intersection_env.command import run_command
 
 if __name__ == "__main__":
-    sys.exit(main())
+    run_command(main)

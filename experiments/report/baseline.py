@@ -16,6 +16,7 @@ from typing import Any
 from experiments.report.headlines import headlines
 from experiments.results_files import results_in, write_result
 from experiments.show.tables import markdown_table
+from intersection_env.command import run_command
 
 RESULTS = Path("experiments/results")
 BASELINES = "baselines.json"
@@ -69,4 +70,4 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    run_command(main)

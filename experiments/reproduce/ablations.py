@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import dataclasses
 import json
-import sys
 from collections.abc import Mapping
 from functools import cached_property
 from pathlib import Path
@@ -30,6 +29,7 @@ from experiments.show.ablations import LEAD_MOMENTS, ablation_tables
 from imitation.gail import PROFILES as GAIL_PROFILES
 from imitation.replay_error import constant_velocity_network, replay_error
 from imitation.torch_model import TorchPredictor
+from intersection_env.command import run_command
 from intersection_env.evaluation.errors import Forecaster
 from intersection_env.evaluation.moments import Moment, contested, moments_of, thinned
 from intersection_env.policies.file import PolicyFile
@@ -214,4 +214,4 @@ def main(options: Options) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main(tyro.cli(Options, prog="python -m experiments.reproduce.ablations")))
+    run_command(lambda: main(tyro.cli(Options, prog="python -m experiments.reproduce.ablations", description=__doc__)))

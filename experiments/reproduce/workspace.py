@@ -11,6 +11,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any, Literal
 
+from agents.training.options import Maps
 from data.build import maps_of
 from experiments.reproduce.stages import Stages
 from intersection_env.maps.intersection import Intersection
@@ -26,7 +27,7 @@ class Options:
 
     recordings: Path = Path("data/recordings")
     """The folder of the recordings: inD's, INTERACTION's or CommonRoad's."""
-    map: tuple[str, ...] = ()
+    map: Maps = ()
     """Maps (names, or files) of the places to learn from; none: each that ships and has recordings in the folder. The
     paper's figures are measured at the first one."""
     seeds: tuple[int, ...] = (0, 1, 2)

@@ -11,6 +11,8 @@
 
 #include <unistd.h>
 
+#include "cores.hpp"
+
 namespace intersection_env {
 struct Threads::Pool {
     std::vector<std::thread> workers;
@@ -76,7 +78,7 @@ Threads::Threads(int count) : pool_(std::make_unique<Pool>()) {
         throw std::invalid_argument("threads must be from 0, one a core, to " + std::to_string(MOST_THREADS) +
                                     ", not " + std::to_string(count));
     }
-    const int wanted = count > 0 ? count : std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
+    const int wanted = count > 0 ? count : usable_cores();
     try {
         for (int thread = 1; thread < wanted; ++thread) {
             pool_->workers.emplace_back([pool = pool_.get(), thread] { pool->serve(thread); });

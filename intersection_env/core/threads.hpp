@@ -11,7 +11,7 @@ constexpr int MOST_THREADS = 256; // ours
 
 class Threads {
   public:
-    // count: 1 works in the caller's thread alone; 0 takes one a core of the machine. Throws std::invalid_argument.
+    // count: 1 works in the caller's thread alone; 0 takes one for each of usable_cores. Throws std::invalid_argument.
     explicit Threads(int count);
     ~Threads();
     Threads(const Threads&) = delete;

@@ -126,12 +126,11 @@ def moments_of(scenes: Scenes, every: float = EVERY) -> tuple[list[Moment], dict
     refused: dict[str, str] = {}
     for scene in scenes:
         for step in range(0, scene.steps - LEAST, round(every / DT)):
-            try:
-                traffic = scenes.at(scene, step * DT)
-            except ValueError as error:
-                refused[f"scene {scene.id}, {step * DT:.1f} s"] = str(error)
-                continue
-            if len(traffic):
+            traffic = scenes.at(scene, step * DT)
+            if traffic.overlaps:
+                one, other = traffic.overlaps[0]
+                refused[f"scene {scene.id}, {step * DT:.1f} s"] = f"vehicles {one} and {other} overlap"
+            elif len(traffic):
                 found.append(Moment(scene, step, traffic))
     return found, refused
 

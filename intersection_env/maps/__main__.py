@@ -7,6 +7,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
+from intersection_env.command import run_command
 from intersection_env.files import written_whole
 from intersection_env.maps.compiler import compile_file
 from intersection_env.maps.intersection import MAPS, Intersection
@@ -19,6 +20,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("out", nargs="?", type=Path, help="the compiled map (.map); default: beside the source")
     options = parser.parse_args(arguments)
     try:
+        if options.out is not None and options.out.suffix != ".map":
+            raise ValueError(f'"{options.out}": a compiled map ends in .map, or nothing reads it')
         for source in [options.source] if options.source else sorted(MAPS.glob("*.json")):
             target = options.out or source.with_suffix(".map")
             text = compile_file(source)
@@ -33,4 +36,4 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    run_command(main)

@@ -6,11 +6,13 @@ from dataclasses import dataclass
 from enum import IntEnum
 from functools import cached_property
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from intersection_env import _core
+from intersection_env.arguments import file_there, name_or_file
 from intersection_env.maps.meeting import Conflict, SharedLane
 
 MAPS = Path(__file__).parent
@@ -67,6 +69,19 @@ class Route:
         return self.id.partition("-")[2].partition(".")[0]
 
 
+class Place(NamedTuple):
+    """A place on a route, as `Vehicle` takes it."""
+
+    route: str
+    """The route's id."""
+    position: float
+    """Arc length along it [m]."""
+    left: float
+    """Lateral offset from its centreline, to the left [m]."""
+    turn: float
+    """Heading less the route's, counter-clockwise, from -pi to pi [rad]."""
+
+
 class Intersection:
     """A compiled map. Equal maps have equal checksums.
 
@@ -95,10 +110,13 @@ class Intersection:
         """A map that ships (`"bendplatz"`, `"t_junction"`), a compiled map (`.map`) or a map source (`.json`).
 
         Raises:
+            TypeError: neither a name nor a path.
             ValueError: no map of that name ships, or the file is damaged or contradicts itself.
-            OSError: the file cannot be read.
+            OSError: the file is not there, or cannot be read.
         """
-        path = Path(name_or_path)
+        path = name_or_file("map", name_or_path, shipped_maps())
+        if path.suffix in (".json", ".map"):
+            file_there("map", path, shipped_maps())
         if path.suffix == ".json":
             from intersection_env.maps.compiler import compile_file
 
@@ -127,6 +145,26 @@ class Intersection:
         raise ValueError(
             f'{self.name} has no route "{route_id}"; its routes are {", ".join(route.id for route in self.routes)}'
         )
+
+    def locate(
+        self, x: float, y: float, heading: float, *, aside: float = _core.ASIDE, turned: float = _core.TURNED
+    ) -> tuple[Place, ...]:
+        """Where on which routes something may be, from where it is on the ground: the routes that fit.
+
+        The smallest offset comes first; where routes share a lane, all of them fit equally, in their order.
+
+        Args:
+            x, y: of the centre, in the map's metres.
+            heading: counter-clockwise from the x axis [rad].
+            aside: the largest distance from a centreline [m]; in lanes wider than 3.5 m, of what these do not leave
+                free.
+            turned: the largest difference of headings [rad].
+
+        Raises:
+            ValueError: what is no number.
+        """
+        rows = self.core.locate(x, y, heading, aside, turned)
+        return tuple(Place(self.routes[route].id, *values) for route, *values in rows)
 
     def sample(self, route: int, position: NDArray[np.float32]) -> NDArray[np.float32]:
         """The columns of `Route.samples` at arc lengths `position` (n,), interpolated: (n, 11)."""

@@ -98,6 +98,8 @@ class MapSource:
         try:
             content = json.loads(Path(path).read_text(encoding="utf-8"), object_pairs_hook=_each_key_once)
             return cls._from_json(content)
+        except FileNotFoundError:
+            raise FileNotFoundError(f'map source "{path}": no such file; wanted a .json') from None
         except (json.JSONDecodeError, UnicodeDecodeError, RecursionError) as error:
             raise ValueError(f"{path}: not JSON: {error}") from None
         except ValueError as error:
@@ -309,8 +311,11 @@ def _yields(value: Any, known: set[str]) -> frozenset[tuple[str, str]]:
         raise ValueError(f'"yields" must be a list of pairs of route ids, not {value!r}')
     pairs: set[tuple[str, str]] = set()
     for pair in value:
-        if not isinstance(pair, list) or len(pair) != 2 or not all(isinstance(id, str) and id in known for id in pair):
+        if not isinstance(pair, list) or len(pair) != 2 or not all(isinstance(id, str) for id in pair):
             raise ValueError(f'"yields" must hold pairs of route ids, not {pair!r}')
+        for id in pair:
+            if id not in known:
+                raise ValueError(f'"yields": there is no route "{id}" in {pair!r}; routes: {", ".join(sorted(known))}')
         first, second = pair
         if first == second:
             raise ValueError(f'"yields" says that route "{first}" yields to itself')

@@ -8,8 +8,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from intersection_env.command import run_command
 from intersection_env.maps.intersection import Intersection
-from intersection_env.plots.files import SUFFIXES, write_figure
+from intersection_env.plots.files import SUFFIXES, check_figure, write_figure
 from intersection_env.plots.map_plot import plot_map
 
 
@@ -20,6 +21,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--out", type=Path, required=True, help=f"the file to write ({', '.join(SUFFIXES)})")
     options = parser.parse_args(arguments)
     try:
+        check_figure(options.out)
         axes = plot_map(Intersection.load(options.map))
         figure: Any = axes.figure
         write_figure(figure, options.out)
@@ -31,4 +33,4 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    run_command(main)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
+from intersection_env.arguments import file_there, name_or_file
 from intersection_env.policies.file import PolicyFile
 
 POLICIES = Path(__file__).parent
@@ -17,19 +18,25 @@ GAP_RULES = ("critical_gap", "sumo")
 """Rules that decide about gaps."""
 
 
+def shipped_policies() -> tuple[str, ...]:
+    """The names of the policies that ship, in order."""
+    return tuple(sorted(file.stem for file in POLICIES.glob("*.policy")))
+
+
 def policy_path(policy: str | Path) -> Path:
     """Where a policy lies: one that ships, by its name, or a policy file (`.policy`).
 
     Raises:
-        ValueError: neither.
+        TypeError: neither a name nor a path.
+        ValueError: no policy of that name.
+        FileNotFoundError: no such policy file.
     """
-    path = Path(policy)
+    names = (*shipped_policies(), *RULES)
+    path = name_or_file("policy", policy, names)
     if path.suffix == ".policy":
-        return path
-    shipped = sorted(file.stem for file in POLICIES.glob("*.policy"))
-    if str(policy) not in shipped:
-        names = ", ".join((*shipped, *RULES))
-        raise ValueError(f'no policy "{policy}": the names are {names}, and files end in .policy')
+        return file_there("policy", path, names)
+    if str(policy) not in shipped_policies():
+        raise ValueError(f'no policy "{policy}": the names are {", ".join(names)}, and files end in .policy')
     return POLICIES / f"{policy}.policy"
 
 
@@ -41,9 +48,10 @@ def policy_named(policy: str | Path, gap: str | None = None) -> tuple[PolicyFile
         gap: for rules only, who accepts a gap: one of `GAP_RULES`, by default the first.
 
     Raises:
+        TypeError: neither a name nor a path.
         ValueError: an unknown name, a policy file that is damaged or made for something else, or a `gap` for a policy
             that brings its own.
-        OSError: the file cannot be read.
+        OSError: the file is not there, or cannot be read.
     """
     if str(policy) in RULES:
         if gap == "network":
@@ -59,9 +67,11 @@ def gap_decider(gap: str | Path) -> PolicyFile:
     """Who decides about gaps: a rule's name, or a policy (name or file) with a gap network, without its forecasts.
 
     Raises:
-        ValueError: neither.
-        OSError: the policy file cannot be read.
+        TypeError: neither a name nor a path.
+        ValueError: no rule or policy of that name, or a policy without a gap network.
+        OSError: the policy file is not there, or cannot be read.
     """
+    name_or_file("gap", gap, (*GAP_RULES, *shipped_policies()))
     if str(gap) in GAP_RULES:
         return PolicyFile(str(gap), "idm")
     try:

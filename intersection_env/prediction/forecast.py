@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from intersection_env import _core
 from intersection_env.arguments import whole_number
-from intersection_env.prediction.maneuvers import LIMIT, in_words
+from intersection_env.prediction.maneuvers import LIMIT, in_words, seconds_budget
 from intersection_env.prediction.predictor import Prediction, Predictor, Priorities, as_assignments
 from intersection_env.traffic import Traffic, naming
 
@@ -127,6 +127,7 @@ def forecast(
     mass: float = MASS,
     most: int = MOST,
     limit: int = LIMIT,
+    seconds: float | None = None,
     noise: Noise | None = None,
 ) -> Forecast:
     """The most probable crossing orders of a traffic, and the prediction of each.
@@ -142,6 +143,8 @@ def forecast(
         most: but no more than these.
         limit: orders that share the probability at most; where there are more, they begin with the one in which each
             pair goes as is more probable, and the least certain pairs change first.
+        seconds: search orders that share the probability no longer than so long, for each traffic that is drawn; what
+            comes out then depends on the machine.
         noise: by what the traffic may err; without, it is taken at its word.
 
     Raises:
@@ -161,10 +164,11 @@ def forecast(
     given = as_assignments(traffic, priorities)
     if len(given) != 1:
         raise ValueError(f"priorities of a forecast are of one scenario, not of {len(given)}")
+    budget = mass, most, limit, seconds_budget(seconds)
     if noise is None:
-        return _forecast(predictor, traffic, given[0], mass, most, limit)
+        return _forecast(predictor, traffic, given[0], budget)
     generator = np.random.default_rng(noise.seed)
-    draws = [_drawn(predictor, traffic, given[0], noise, generator, mass, most, limit) for _ in range(noise.draws)]
+    draws = [_drawn(predictor, traffic, given[0], noise, generator, budget) for _ in range(noise.draws)]
     return _average(predictor, traffic, draws)
 
 
@@ -177,12 +181,12 @@ def _checked(levels: ArrayLike) -> NDArray[np.float64]:
 
 
 def _forecast(
-    predictor: Predictor, traffic: Traffic, given: NDArray[np.int8], mass: float, most: int, limit: int
+    predictor: Predictor, traffic: Traffic, given: NDArray[np.int8], budget: tuple[float, int, int, float]
 ) -> Forecast:
     bound = predictor.bound_to(traffic.intersection)
     with naming(traffic.ids):
         orders, probability, yielder_first, feasible, left_out = _core.order_probabilities(
-            bound, traffic.core, given, mass, most, limit
+            bound, traffic.core, given, *budget
         )
     prediction = predictor.predict(traffic, orders)
     for array in (orders, probability, yielder_first):
@@ -207,9 +211,7 @@ def _drawn(
     given: NDArray[np.int8],
     noise: Noise,
     generator: np.random.Generator,
-    mass: float,
-    most: int,
-    limit: int,
+    budget: tuple[float, int, int, float],
 ) -> Forecast:
     """The forecast of a traffic that errs; drawn again where vehicles overlap or what is given cannot be."""
     length = np.array([traffic.intersection.routes[route].length for route in traffic.route.tolist()])
@@ -220,9 +222,11 @@ def _drawn(
         speed = np.maximum(traffic.speed + noise.speed * generator.normal(size=len(traffic)), 0.0)
         try:
             other = replace(traffic, position=position.astype(np.float32), speed=speed.astype(np.float32))
+            if set(other.overlaps) - set(traffic.overlaps):
+                raise ValueError("vehicles {} and {} overlap".format(*other.overlaps[0]))
             open_pairs = {(other.ids[i], other.ids[j]) for i, j in other.conflicts.tolist()}
             still = [pair for pair in sure if pair in open_pairs or pair[::-1] in open_pairs]
-            return _forecast(predictor, other, other.assign(still), mass, most, limit)
+            return _forecast(predictor, other, other.assign(still), budget)
         except ValueError as error:
             refused = str(error)
     raise ValueError(f"no traffic with such noise in {TRIES} draws; of the last one: {refused}")

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from intersection_env import _core
+from intersection_env.arguments import whole_number
 from intersection_env.prediction.predictor import Predictor
 from intersection_env.traffic import Traffic
 
@@ -19,6 +20,12 @@ WORTHWHILE_GAIN: float = _core.WORTHWHILE_GAIN  # [s]
 LIMIT: int = _core.MOST_MANEUVERS
 COUNT_LIMIT: int = _core.MOST_COUNTED
 BATCH = 1024
+ALL = 2**63 - 1
+COLUMNS = (
+    "order", "gain", "total_time_loss", "worst_time_loss", "chance_worthwhile", "chance_unsafe", "priorities",
+    "intervention", "followed", "worth_executing", "minimum_distance", "safe",
+)  # fmt: skip
+"""Of a ranking. What a narrow terminal shows is the first and the last ones."""
 RANKED_BY = ("expectation", "prediction")
 
 
@@ -54,7 +61,8 @@ def rank_maneuvers(
     traffic: Traffic,
     cooperative: Collection[str] | None = None,
     *,
-    limit: int | None = LIMIT,
+    limit: int | Literal["cycle"] | None = "cycle",
+    seconds: float | None = None,
     by: Literal["expectation", "prediction"] | None = None,
 ) -> pd.DataFrame:
     """Predicts every crossing order and ranks them: safe, unsafe, not followed, and each by the total time loss.
@@ -68,45 +76,66 @@ def rank_maneuvers(
         traffic: the vehicles now.
         cooperative: as in `crossing_orders`.
         limit: predict at most so many orders, beginning with those that keep the order of no intervention
-            among most pairs, or, by expectation, with the most probable one; None: all, however many. How many were
-            left out stands in `attrs["left_out"]` (counted up to 20,000).
+            among most pairs, or, by expectation, with the most probable one; None: all, however many. "cycle": as many
+            as a planner's cycle has time for, some 50 ms on one core: 600,000 over the squared number of vehicles, at
+            most 10,000. How many were left out stands in `attrs["left_out"]` (those never found counted up to 20,000).
+        seconds: begin no further batch of 64 orders after so long; what comes out then depends on the machine, and
+            those left out that were never found are counted up to 1,024.
         by: None: expectation where the policy holds an order network, as those that ship do, else prediction.
 
     Returns:
-        One row an order and one for no intervention: `order` (in words), `total_time_loss`, `worst_time_loss` (of any
-        vehicle) and `gain` against no intervention [s], means by expectation; by expectation also `chance_worthwhile`
-        (that the gain exceeds 2 s, if what happens with and without were drawn apart) and `chance_unsafe` (that the
-        order is not followed, or bodies come nearer than 0.5 m); `worth_executing` (safe, and a gain above 2 s),
-        `minimum_distance` [m], `followed` (in the order's own prediction nobody enters a conflict before the vehicle
+        One row an order and one for no intervention: `order` (in words), `gain` against no intervention,
+        `total_time_loss` and `worst_time_loss` (of any vehicle) [s], means by expectation; by expectation also
+        `chance_worthwhile` (that the gain exceeds 2 s, if what happens with and without were drawn apart) and
+        `chance_unsafe` (that the order is not followed, or bodies come nearer than 0.5 m); `worth_executing` (safe, and
+        a gain above 2 s), `minimum_distance` [m], `followed` (in the order's own prediction nobody enters a conflict before the vehicle
         that the order puts first has cleared it) and `safe` (followed, and at least 0.5 m), by expectation those of the
         most probable order; `intervention` (bool), `priorities` ((pair,) int8, as `Predictor.predict` takes them;
         `Traffic.words` names them).
 
     Raises:
         TypeError: `cooperative` is one id, not a collection of them.
-        ValueError: an unknown vehicle, a limit below 1, an unknown `by`, or an expectation of a policy without an
-            order network.
+        ValueError: an unknown vehicle, a limit below 1, seconds not above 0, an unknown `by`, or an expectation of a
+            policy without an order network.
     """
     import pandas as pd
 
-    if limit is not None and limit < 1:
-        raise ValueError(f"limit must be at least 1, not {limit}")
+    most = _most(limit)
     if by not in (*RANKED_BY, None):
         raise ValueError(f'by must be "expectation", "prediction" or None, not {by!r}')
     by_expectation = predictor.core_policy.can_forecast if by is None else by == "expectation"
     if by_expectation and not predictor.core_policy.can_forecast:
         raise ValueError(f'the policy "{predictor.name}" holds no order network, so nothing can be expected of it')
-    columns, left_out = _core.rank_maneuvers(
-        predictor.bound_to(traffic.intersection), traffic.core, _flags(traffic, cooperative), limit, by_expectation
-    )
+    flags, spent = _flags(traffic, cooperative), seconds_budget(seconds)
+    bound = predictor.bound_to(traffic.intersection)
+    columns, left_out = _core.rank_maneuvers(bound, traffic.core, flags, most, spent, by_expectation)
     if not by_expectation:
         del columns["chance_worthwhile"], columns["chance_unsafe"]
     priorities = columns.pop("priorities")
     order = np.array(in_words(traffic, priorities), dtype=object)
     order[~columns["intervention"]] = "no intervention"
     table = pd.DataFrame({"order": order, **columns, "priorities": list(priorities)})
+    table = table[[name for name in COLUMNS if name in table]]
     table.attrs["left_out"] = left_out
     return table
+
+
+def _most(limit: int | Literal["cycle"] | None) -> int | None:
+    """As the core takes it, which reads None as "cycle"."""
+    if limit == "cycle":
+        return None
+    if limit is None:
+        return ALL
+    if whole_number("limit", limit) < 1:
+        raise ValueError(f"limit must be at least 1, not {limit}")
+    return int(limit)
+
+
+def seconds_budget(seconds: float | None) -> float:
+    """As the core takes a time that may be spent: without one, infinite."""
+    if seconds is not None and not seconds > 0.0:
+        raise ValueError(f"seconds must be above 0, not {seconds}")
+    return np.inf if seconds is None else float(seconds)
 
 
 def _flags(traffic: Traffic, cooperative: Collection[str] | None) -> NDArray[np.uint8]:

@@ -94,7 +94,6 @@ class Prediction:
             start.max_speed[on],
             None if delta is None else delta[on],
             None if hold is None else hold[on],
-            may_overlap=True,
         )
 
     def priorities_at(self, time: float, scenario: int = 0) -> NDArray[np.int8]:

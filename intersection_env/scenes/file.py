@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import zipfile
 import zlib
+from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -60,11 +61,7 @@ def read_scenes_file(path: Path) -> tuple[dict[str, Any], dict[str, NDArray[Any]
     Raises:
         ValueError: the file is damaged or of another version; the message names file and array.
     """
-    try:
-        with path.open("rb") as raw, np.load(raw, allow_pickle=False) as file:
-            arrays = {name: file[name] for name in file.files}
-    except DAMAGED as error:
-        raise ValueError(f"{path}: not a scenes file, or a damaged one: {error}") from None
+    arrays = _arrays(path)
     try:
         header = _header(arrays.pop("header", None))
         _check_arrays(arrays)
@@ -80,15 +77,32 @@ def map_of_scenes_file(path: Path) -> tuple[str, str]:
         ValueError: as of `read_scenes_file`.
     """
     try:
-        with path.open("rb") as raw, np.load(raw, allow_pickle=False) as file:
-            text = file["header"] if "header" in file.files else None
-    except DAMAGED as error:
-        raise ValueError(f"{path}: not a scenes file, or a damaged one: {error}") from None
-    try:
-        header = _header(text)
+        header = _header(_arrays(path, only=("header",)).get("header"))
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
     return header["map"]["name"], header["map"]["checksum"]
+
+
+def _arrays(path: Path, only: Collection[str] | None = None) -> dict[str, NDArray[Any]]:
+    """The arrays in a file, or those of some names that are there."""
+    try:
+        with path.open("rb") as raw:
+            if not zipfile.is_zipfile(raw):  # NumPy would take it for a pickle, and advise how to load that
+                raise ValueError('wanted an .npz made by "python -m data.build"')
+            raw.seek(0)
+            with np.load(raw, allow_pickle=False) as file:
+                return {name: _numbers_of(file, name) for name in file.files if only is None or name in only}
+    except DAMAGED as error:
+        raise ValueError(f"{path}: not a scenes file, or a damaged one: {error}") from None
+
+
+def _numbers_of(file: Mapping[str, NDArray[Any]], name: str) -> NDArray[Any]:
+    try:
+        return file[name]
+    except ValueError as error:
+        if "allow_pickle" in str(error):
+            raise ValueError(f'array "{name}" holds Python objects') from None
+        raise
 
 
 def _header(text: NDArray[Any] | None) -> dict[str, Any]:

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from intersection_env.arguments import name_or_file
 from intersection_env.constants import BICYCLE_MAX_SPEED, DT
 from intersection_env.maps.intersection import Intersection
 from intersection_env.scenes.file import pack, read_scenes_file, unpack, write_scenes_file
@@ -40,6 +41,7 @@ class Scenes:
         The intersection is the shipped map named in the file, unless another is given: a map, or its name or file.
 
         Raises:
+            TypeError: neither a name nor a path.
             FileNotFoundError: there is no such file.
             ValueError: the file is damaged, of another version, or belongs to another map; the message
                 names file and array.
@@ -81,6 +83,9 @@ class Scenes:
         if split not in SPLITS:
             raise ValueError(f'split is "{split}"; wanted one of {", ".join(SPLITS)}')
         return replace(self, scenes=tuple(scene for scene in self.scenes if scene.split == split))
+
+    def __repr__(self) -> str:
+        return f"Scenes({self.intersection.name!r}, {len(self)} scenes)"
 
     def __len__(self) -> int:
         return len(self.scenes)
@@ -140,11 +145,12 @@ def scenes_path(name: str | Path) -> Path:
     """Where scenes lie: those that ship, by their name, or a scenes file.
 
     Raises:
-        FileNotFoundError: neither.
+        TypeError: neither a name nor a path.
+        FileNotFoundError: nothing that ships, and no file.
     """
+    path = name_or_file("scenes", name, shipped_scenes())
     if str(name) in shipped_scenes():
         return RECORDED / f"{name}.npz"
-    path = Path(name)
     if not path.is_file():
         names = ", ".join(shipped_scenes()) or "none"
         raise FileNotFoundError(f'"{name}": no scenes file at this path, nor one that ships under this name ({names})')

@@ -18,6 +18,7 @@ from agents.training.folder import CHECKPOINT, CONFIG, METRICS, decisive
 from imitation.discriminator import DiscriminatorSettings
 from intersection_env import ClosedLoopWorlds, Predictor
 from intersection_env.policies.file import PolicyFile
+from tests.support.disk import full_disk
 from tests.support.own_place import own_scenes
 from tests.support.scenes import small_scenes
 from tests.support.trainings import (
@@ -25,7 +26,6 @@ from tests.support.trainings import (
     cut_short,
     disk_full_from,
     files,
-    full_disk,
     killed,
     told_to_end_after,
     trainer_of,

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -9,7 +11,9 @@ import numpy as np
 import onnxruntime
 import pytest
 import torch
+from numpy.typing import NDArray
 
+from agents.export import NETWORKS, SUFFIXES, main
 from agents.networks.driving import DrivingNetwork
 from agents.networks.export import (
     driving_policy,
@@ -18,7 +22,6 @@ from agents.networks.export import (
     network_weights,
     order_network,
     policy_file,
-    save_onnx,
 )
 from agents.networks.gap import GapNetwork
 from agents.networks.order import ORDER_SCALE, ORDER_SHIFT, OrderNetwork
@@ -45,9 +48,6 @@ def test_exported_gap_network_equals_torch_in_the_core_and_in_onnx(tmp_path: Pat
     np.testing.assert_array_equal(again, truth)
     core = _core.Policy(read.text(), "a").evaluate_gap(features)
     np.testing.assert_allclose(core, truth, atol=1e-6)
-    save_onnx(network, tmp_path / "a.onnx")
-    session = onnxruntime.InferenceSession(tmp_path / "a.onnx")
-    np.testing.assert_allclose(session.run(None, {"features": features})[0], truth, atol=1e-6)
     with pytest.raises(ValueError, match='decides gaps by "sumo" and holds no gap network'):
         gap_network(PolicyFile("sumo", "idm"))
 
@@ -117,3 +117,61 @@ def test_predictor_drives_by_the_exported_network(tmp_path: Path) -> None:
         np.testing.assert_allclose(done[free], wanted[free], atol=1e-4)
         compared += int(free.sum())
     assert compared > 50
+
+
+@pytest.mark.parametrize("form", ["onnx", "torch"])
+@pytest.mark.parametrize("network", ["gap", "driving", "orders"])
+def test_exported_networks_give_what_the_core_gives(
+    network: str, form: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Features as the core sees them in traffic, one row and many; the file says what they are."""
+    out = tmp_path / "new" / f"a{SUFFIXES[form]}"
+    assert main(["rollout_gradient", "--network", network, "--to", form, "--out", str(out)]) == 0
+    assert f"written: {out}, the {network} network of rollout_gradient" in capsys.readouterr().out
+    predictor = Predictor.load("rollout_gradient")
+    core = predictor.core_policy
+    for seed in range(10):
+        traffic, _ = random_case("bendplatz", seed)
+        seen = predictor.observe(traffic)
+        cases: dict[str, tuple[NDArray[np.float32], Callable[[NDArray[np.float32]], NDArray[np.float32]]]] = {
+            "gap": (seen.gap, core.evaluate_gap),
+            "driving": (seen.driving, lambda rows: np.float32(ACCELERATION) * np.tanh(core.evaluate_driving(rows))),
+            "orders": (predictor.bound_to(traffic.intersection).observe_orders(traffic.core), core.evaluate_order),
+        }
+        features, wanted = cases[network]
+        if len(features):
+            np.testing.assert_allclose(evaluated(out, features), wanted(features), atol=2e-5)
+    assert said_features(out) == NETWORKS[network].features
+
+
+def evaluated(path: Path, features: NDArray[np.float32]) -> NDArray[np.float32]:
+    """What an exported file makes of rows of features."""
+    if path.suffix == ".onnx":
+        session = onnxruntime.InferenceSession(path)
+        (found,) = session.run(None, {"features": features})
+        return np.asarray(found)
+    with torch.no_grad():
+        module = torch.export.load(path).module()
+        return np.asarray(module(torch.from_numpy(features)).numpy())
+
+
+def said_features(path: Path) -> tuple[str, ...]:
+    if path.suffix == ".onnx":
+        said = onnxruntime.InferenceSession(path).get_modelmeta().custom_metadata_map["features"]
+    else:
+        files = {"features.json": ""}
+        torch.export.load(path, extra_files=files)
+        said = files["features.json"]
+    return tuple(json.loads(said))
+
+
+def test_a_network_that_a_policy_lacks_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    for arguments, message in [
+        (["idm_calibrated", "--network", "driving"], "holds no driving network"),
+        (["idm", "--network", "gap"], "holds no gap network"),
+        (["nope.policy", "--network", "gap"], 'policy "nope.policy": no such file'),
+        (["gap", "--network", "gap", "--to", "torch"], "--out must end in .pt2"),
+    ]:
+        assert main([*arguments, "--out", str(tmp_path / "a.onnx")]) == 1
+        assert message in capsys.readouterr().err
+    assert list(tmp_path.iterdir()) == []

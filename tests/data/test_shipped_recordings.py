@@ -85,7 +85,7 @@ def test_traffic_reaches_the_bars(figures: Statistics) -> None:
 def test_moments_of_the_scenes_are_sound_traffic(scenes: Scenes) -> None:
     for scene in scenes:
         for step in range(0, scene.steps, 5):
-            scenes.at(scene, step * 0.2)  # Traffic refuses vehicles that overlap
+            assert scenes.at(scene, step * 0.2).overlaps == ()
 
 
 def test_lost_and_kept_seconds_add_up(scenes: Scenes) -> None:

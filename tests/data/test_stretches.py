@@ -127,7 +127,7 @@ def test_every_moment_of_the_scenes_is_sound_traffic(tmp_path: Path, bendplatz: 
     assert "seconds: touching vehicles" in scenes.dropped
     for scene in scenes:
         for step in range(scene.steps):
-            scenes.at(scene, 0.2 * step)  # Traffic refuses vehicles that overlap
+            assert scenes.at(scene, 0.2 * step).overlaps == ()
 
 
 def standing(bendplatz: Intersection, id: str, position: float, speed: float) -> Track:

@@ -81,11 +81,10 @@ def test_usual_temper_changes_nothing() -> None:
 
 @pytest.mark.parametrize(("arguments", "message"), [(["--wider", "0.5"], "at least 1"), (["--wider", "2"], "--output")])
 def test_wider_recordings_are_never_written_over_those_that_ship(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], arguments: list[str], message: str
+    capsys: pytest.CaptureFixture[str], arguments: list[str], message: str
 ) -> None:
-    monkeypatch.setattr("sys.argv", ["data.sumo", "--recording", "0", *arguments])
     with pytest.raises(SystemExit):
-        generate.main()
+        generate.main(["--recording", "0", *arguments])
     assert message in capsys.readouterr().err
 
 

@@ -145,7 +145,7 @@ def test_memories_survive_pickling_and_copying_and_are_read_only() -> None:
     for other in (pickle.loads(pickle.dumps(traffic)), copy.copy(traffic), copy.deepcopy(traffic)):
         np.testing.assert_array_equal(other.delta, traffic.delta)
         np.testing.assert_array_equal(other.hold, traffic.hold)
-        assert other.may_overlap
+        assert other.overlaps == traffic.overlaps
         np.testing.assert_array_equal(
             Predictor.load().predict(other).position, Predictor.load().predict(traffic).position
         )

@@ -53,7 +53,6 @@ def test_words_and_assignments_are_inverse() -> None:
         ({"speed": np.array([1.0, -2.0], np.float32)}, ValueError, "vehicle y: speed must be .* not -2.0"),
         ({"position": np.array([1.0, 999.0], np.float32)}, ValueError, "vehicle y: position must be from 0.* not 999"),
         ({"route": np.array([0, 99], np.int32)}, ValueError, "vehicle y: route 99 is not one of the map's 6"),
-        ({"position": np.array([50.0, 52.0], np.float32)}, ValueError, "vehicles x and y overlap"),
         ({"max_speed": np.zeros(2, np.float32)}, ValueError, "vehicle x: max_speed must be at least 0.1"),
     ],
 )

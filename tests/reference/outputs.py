@@ -35,13 +35,22 @@ def can_touch(intersection: Map, traffic: Traffic, i: int, j: int) -> bool:
     return False
 
 
-def minimum_distance(intersection: Map, traffic: Traffic, present: Booleans) -> float:
-    """Over all pairs of present vehicles that can touch; infinite without any."""
+def overlapping(intersection: Map, traffic: Traffic) -> set[tuple[int, int]]:
+    """The pairs of vehicles whose bodies overlap."""
+    return {
+        (i, j)
+        for i, j in itertools.combinations(range(len(traffic.route)), 2)
+        if can_touch(intersection, traffic, i, j) and body_distance(intersection, traffic, i, j) == 0.0
+    }
+
+
+def minimum_distance(intersection: Map, traffic: Traffic, present: Booleans, apart: set[tuple[int, int]]) -> float:
+    """Over all pairs of present vehicles that can touch, but those `apart`; infinite without any."""
     return min(
         (
             body_distance(intersection, traffic, i, j)
             for i, j in itertools.combinations(np.flatnonzero(present).tolist(), 2)
-            if can_touch(intersection, traffic, i, j)
+            if (i, j) not in apart and can_touch(intersection, traffic, i, j)
         ),
         default=math.inf,
     )

@@ -11,7 +11,7 @@ from tests.reference.memory import Memory, initial_memory
 from tests.reference.networks import Network
 from tests.reference.observe import Feature, observe
 from tests.reference.orders import complete
-from tests.reference.outputs import minimum_distance, time_loss
+from tests.reference.outputs import minimum_distance, overlapping, time_loss
 from tests.reference.pairs import conflicts
 from tests.reference.traffic import TIME_STEP, Traffic
 
@@ -52,7 +52,7 @@ def predict(
 
     Raises: ValueError for assignments that contradict lane order, each other, or what a vehicle can still do.
     """
-    pairs = conflicts(intersection, traffic)
+    pairs, apart = conflicts(intersection, traffic), overlapping(intersection, traffic)
     given = np.zeros(len(pairs), dtype=np.int64) if assignments is None else assignments
     chooser = Chooser(pairs, complete(intersection, traffic, given, memory), Rules(gap, gap_network))
     memory = initial_memory(intersection, traffic) if memory is None else memory
@@ -81,7 +81,9 @@ def predict(
         present=np.array(presences),
         hold=np.array([*held, held[-1]]),
         time_loss=time_loss(intersection, states[:-1], presences[:-1]),
-        minimum_distance=min(minimum_distance(intersection, *moment) for moment in zip(states, presences, strict=True)),
+        minimum_distance=min(
+            minimum_distance(intersection, *moment, apart) for moment in zip(states, presences, strict=True)
+        ),
     )
 
 

@@ -165,7 +165,7 @@ def test_flipped_bytes_are_refused(path: Path) -> None:
 
 def test_pickled_array_is_refused(path: Path) -> None:
     change(path, lambda arrays: arrays.update(track_id=np.array([{}, {}, {}], dtype=object)))
-    with pytest.raises(ValueError, match="not a scenes file, or a damaged one: Object arrays"):
+    with pytest.raises(ValueError, match='not a scenes file, or a damaged one: array "track_id" holds Python objects'):
         Scenes.load(path)
 
 

@@ -13,6 +13,11 @@ from numpy.typing import NDArray
 from intersection_env.maps.intersection import Intersection, Sample
 
 FRAME_RATE = 25.0
+# track, route, position and speed at the start; the first lets the others pass
+MOVERS = {
+    "bendplatz": [(1, "NW-NE", 100.0, 3.5), (2, "SE-NW", 80.0, 7.0), (3, "SE-NW", 100.0, 7.0)],
+    "t_junction": [(1, "S-W", 65.0, 3.0), (2, "W-E", 95.0, 7.0), (3, "W-E", 115.0, 7.0)],
+}
 Floats = NDArray[np.float64]
 
 
@@ -113,6 +118,17 @@ def write_recording(
     tables = {"tracks": tracks, "tracksMeta": meta, "recordingMeta": pd.DataFrame([recording])}
     for kind, table in tables.items():
         table.to_csv(folder / f"{id}_{kind}{suffix}", index=False)
+
+
+def small_recordings(folder: Path, map: str) -> None:
+    """Three recordings on a map that ships, one for each split: of one vehicle, of three that meet, of one."""
+    place = Intersection.load(map)
+    movers = [
+        on_route(place, route, track, 0.0, steady(position, speed), 13.0)
+        for track, route, position, speed in MOVERS[map]
+    ]
+    for id, own in (("00", movers[:1]), ("01", movers), ("02", movers[:1])):
+        write_recording(folder, id, own, location=place.locations[0])
 
 
 def _rows(recording: int, mover: Mover) -> pd.DataFrame:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import multiprocessing
-import resource
 import signal
 import time
 from collections.abc import Callable, Iterator, Mapping
@@ -30,6 +29,7 @@ from imitation.discriminator import DiscriminatorSettings
 from imitation.gail import GailSettings
 from imitation.rollout_gradient import RolloutSettings
 from intersection_env.policies.file import PolicyFile
+from tests.support.disk import full_disk
 
 PATIENCE = 120.0  # [s]
 TINY_GAP = GapSettings(epochs=8, batch=256, checkpoint_every=3)
@@ -188,17 +188,6 @@ def told_to_end_after(epoch: int, number: signal.Signals = signal.SIGINT) -> Ite
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(RunFolder, "append", tell)
         yield
-
-
-@contextmanager
-def full_disk(size: int) -> Iterator[None]:
-    """Within it, no file grows beyond so many bytes."""
-    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (size, hard))
-    try:
-        yield
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
 
 
 @contextmanager

@@ -2,6 +2,7 @@
 #pragma once
 
 #include "intersection_env/map.hpp"
+#include "intersection_env/traffic.hpp"
 
 namespace intersection_env {
 
@@ -15,6 +16,8 @@ struct Body {
     float front() const { return position + 0.5F * length; }
     float rear() const { return position - 0.5F * length; }
 };
+
+Body body(const Traffic& traffic, int vehicle);
 
 // The sample at an arc length; beyond its end a route goes straight on.
 Sample straight_on(const Map& map, int route, float position);

@@ -11,6 +11,8 @@
 namespace intersection_env {
 namespace {
 
+constexpr float DOUBTED = 2.0F; // ours: nobody is recorded at twice the limit; 50 km/h as 50 m/s are 3.6 times 50 km/h
+
 std::size_t at(int index) { return static_cast<std::size_t>(index); }
 
 [[noreturn]] void refuse(int vehicle, const std::string& problem) {
@@ -131,13 +133,9 @@ bool committed(const Map& map, const Traffic& traffic, int vehicle) {
     return cannot_stop && (speed >= 1.0F || traffic.front(vehicle) > route.first_conflict);
 }
 
-namespace {
-
 Body body(const Traffic& traffic, int i) {
     return {traffic.route[at(i)], traffic.position[at(i)], traffic.length[at(i)], traffic.width[at(i)]};
 }
-
-} // namespace
 
 std::optional<Closest> closest(const Map& map, const Traffic& traffic) {
     std::optional<Closest> result;
@@ -153,6 +151,28 @@ std::optional<Closest> closest(const Map& map, const Traffic& traffic) {
         }
     }
     return result;
+}
+
+std::vector<std::pair<int, int>> overlaps(const Map& map, const Traffic& traffic) {
+    std::vector<std::pair<int, int>> found;
+    for (int i = 0; i < traffic.count(); ++i) {
+        for (int j = i + 1; j < traffic.count(); ++j) {
+            if (clearance(map, body(traffic, i), body(traffic, j)) <= 0.0F) {
+                found.emplace_back(i, j);
+            }
+        }
+    }
+    return found;
+}
+
+std::vector<int> doubted_speeds(const Map& map, const Traffic& traffic) {
+    std::vector<int> found;
+    for (int i = 0; i < traffic.count(); ++i) {
+        if (traffic.speed[at(i)] > DOUBTED * map.at(traffic.route[at(i)], traffic.position[at(i)]).v_max) {
+            found.push_back(i);
+        }
+    }
+    return found;
 }
 
 std::optional<std::pair<int, int>> collision(const Map& map, const Traffic& traffic) {

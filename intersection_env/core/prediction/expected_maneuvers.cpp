@@ -1,5 +1,4 @@
 #include <algorithm>
-#include <limits>
 #include <map>
 #include <numeric>
 
@@ -9,8 +8,6 @@
 
 namespace intersection_env {
 namespace {
-
-constexpr std::size_t BATCH = 1024; // orders predicted at a time
 
 std::size_t at(int index) { return static_cast<std::size_t>(index); }
 
@@ -22,11 +19,17 @@ struct Predicted {
     Outcomes outcomes;
     std::vector<double> total, worst; // (order,) time losses [s]
 
-    Predicted(const Predictor& predictor, const Traffic& traffic, std::size_t limit, const Kernel& kernel)
-        : found(weigh_orders(predictor, traffic, {}, limit, kernel)) {
+    Predicted(const Predictor& predictor, const Traffic& traffic, std::size_t limit, const Deadline& deadline,
+              const Kernel& kernel)
+        : found(weigh_orders(predictor, traffic, {}, limit, deadline, kernel)) {
         const std::size_t pairs = found.pairs.size(), vehicles = at(traffic.count());
-        for (std::size_t first = 0; first < found.count(); first += BATCH) {
-            const std::size_t count = std::min(BATCH, found.count() - first);
+        const std::size_t most = deadline.is_set() ? HURRIED : BATCH;
+        for (std::size_t first = 0; first < found.count(); first += most) {
+            if (first > 0 && deadline.passed()) {
+                found.keep_first(first);
+                break;
+            }
+            const std::size_t count = std::min(most, found.count() - first);
             const std::span<const std::int8_t> orders(found.orders.data() + first * pairs, count * pairs);
             const Outcomes part = outcomes_of(predictor, traffic, orders, count, {}, kernel);
             const auto add = [](auto& all, const auto& more) { all.insert(all.end(), more.begin(), more.end()); };
@@ -96,13 +99,13 @@ Maneuver maneuver(const Predicted& all, const Rows& rows, const Without& without
 } // namespace
 
 Ranking expected_maneuvers(const Predictor& predictor, const Traffic& traffic,
-                           std::span<const std::uint8_t> cooperative, std::optional<std::size_t> limit,
+                           std::span<const std::uint8_t> cooperative, std::size_t limit, const Deadline& deadline,
                            const Kernel& kernel) {
-    const Predicted all(predictor, traffic, limit.value_or(std::numeric_limits<std::size_t>::max()), kernel);
+    const Predicted all(predictor, traffic, limit, deadline, kernel);
     const Without without(all);
     Ranking ranking;
     ranking.pairs = all.found.pairs;
-    ranking.left_out = limit ? all.found.left_out : 0;
+    ranking.left_out = all.found.left_out;
     const auto append = [&](std::span<const std::int8_t> imposed, const Rows& rows) {
         const Maneuver* none = ranking.maneuvers.empty() ? nullptr : &ranking.maneuvers.front();
         ranking.maneuvers.push_back(maneuver(all, rows, without, none));

@@ -72,7 +72,8 @@ OrderProbabilities order_probabilities(const Predictor& predictor, const Traffic
                                        std::span<const std::int8_t> given, const ForecastLimits& limits,
                                        const Kernel& kernel) {
     check(limits);
-    const WeighedOrders found = weigh_orders(predictor, traffic, given, limits.feasible, kernel);
+    const WeighedOrders found =
+        weigh_orders(predictor, traffic, given, limits.feasible, Deadline(limits.seconds), kernel);
     const std::vector<double> probability = shares(found.logarithm);
     OrderProbabilities result;
     result.pairs = found.pairs;

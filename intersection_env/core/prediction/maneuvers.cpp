@@ -74,15 +74,17 @@ std::string words(std::span<const std::string> names, std::vector<std::uint64_t>
 } // namespace
 
 Ranking rank_maneuvers(const Predictor& predictor, const Traffic& traffic, std::span<const std::uint8_t> cooperative,
-                       std::optional<std::size_t> limit, std::optional<RankBy> by, const Kernel& kernel) {
+                       const Budget& budget, std::optional<RankBy> by, const Kernel& kernel) {
     check(predictor.map(), traffic);
     if (cooperative.size() != at(traffic.count())) {
         throw std::invalid_argument("cooperative takes one flag a vehicle");
     }
     const RankBy automatic = predictor.policy().forecast ? RankBy::expectation : RankBy::prediction;
+    const std::size_t limit = budget.orders.value_or(orders_in_a_cycle(traffic.count()));
+    const Deadline deadline(budget.seconds);
     Ranking ranking = by.value_or(automatic) == RankBy::expectation
-                          ? expected_maneuvers(predictor, traffic, cooperative, limit, kernel)
-                          : predicted_maneuvers(predictor, traffic, cooperative, limit, kernel);
+                          ? expected_maneuvers(predictor, traffic, cooperative, limit, deadline, kernel)
+                          : predicted_maneuvers(predictor, traffic, cooperative, limit, deadline, kernel);
     sort(ranking);
     return ranking;
 }

@@ -8,6 +8,8 @@
 namespace intersection_env {
 namespace {
 
+constexpr std::size_t CYCLE = 600'000; // ours: orders times squared vehicles that 50 ms suffice for
+
 std::size_t at(int index) { return static_cast<std::size_t>(index); }
 
 Precedence preceding(const std::vector<Pair>& order, int vehicles) {
@@ -54,6 +56,11 @@ bool cannot_wait(const Pair& pair, int direction, bool passed, const std::vector
 std::string vehicle(int index) { return "vehicle " + std::to_string(index); }
 
 } // namespace
+
+std::size_t orders_in_a_cycle(int vehicles) {
+    const auto squared = static_cast<std::size_t>(vehicles) * static_cast<std::size_t>(vehicles);
+    return std::clamp(CYCLE / std::max<std::size_t>(squared, 1), std::size_t{1}, MOST_MANEUVERS);
+}
 
 bool Precedence::add(int a, int b) {
     if (before(b, a) || a == b) {

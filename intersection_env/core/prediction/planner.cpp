@@ -72,10 +72,6 @@ Traffic traffic_of(const Map& map, std::span<const Vehicle> vehicles) {
         traffic.max_speed.push_back(vehicle.max_speed);
     }
     check(map, traffic);
-    if (const auto found = closest(map, traffic); found && found->distance <= 0.0F) {
-        throw std::invalid_argument("vehicle " + std::to_string(found->a) + " and vehicle " + std::to_string(found->b) +
-                                    " overlap");
-    }
     return traffic;
 }
 
@@ -166,10 +162,10 @@ std::vector<float> Planner::position_quantiles(const Forecast& forecast, std::sp
                                                 levels);
 }
 
-Ranking Planner::rank(const Traffic& traffic, std::span<const std::uint8_t> cooperative,
-                      std::optional<std::size_t> limit, std::optional<RankBy> by) const {
+Ranking Planner::rank(const Traffic& traffic, std::span<const std::uint8_t> cooperative, const Budget& budget,
+                      std::optional<RankBy> by) const {
     const std::vector<std::uint8_t> all(cooperative.empty() ? traffic.route.size() : 0, 1);
-    return rank_maneuvers(*predictor_, traffic, cooperative.empty() ? all : cooperative, limit, by, kernel());
+    return rank_maneuvers(*predictor_, traffic, cooperative.empty() ? all : cooperative, budget, by, kernel());
 }
 
 } // namespace intersection_env

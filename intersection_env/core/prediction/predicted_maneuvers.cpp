@@ -1,5 +1,4 @@
 #include <algorithm>
-#include <limits>
 
 #include "intersection_env/orders.hpp"
 #include "model/contact.hpp"
@@ -7,8 +6,6 @@
 
 namespace intersection_env {
 namespace {
-
-constexpr std::size_t BATCH = 1024; // orders found and predicted at a time
 
 std::size_t at(int index) { return static_cast<std::size_t>(index); }
 
@@ -50,7 +47,7 @@ Outcomes outcomes_of(const Predictor& predictor, const Traffic& traffic, std::sp
 }
 
 Ranking predicted_maneuvers(const Predictor& predictor, const Traffic& traffic,
-                            std::span<const std::uint8_t> cooperative, std::optional<std::size_t> limit,
+                            std::span<const std::uint8_t> cooperative, std::size_t limit, const Deadline& deadline,
                             const Kernel& kernel) {
     const Map& map = predictor.map();
     const std::size_t vehicles = at(traffic.count());
@@ -71,13 +68,17 @@ Ranking predicted_maneuvers(const Predictor& predictor, const Traffic& traffic,
     append(batch, 1, {position.data(), speed.data(), acceleration.data(), enters.data(), present.data()});
     const std::vector<std::int8_t> unhindered = crossing_order(map, traffic, ranking.pairs, position.data(), 1);
     Orders orders(map, traffic, ranking.pairs, {cooperative, unhindered});
-    batch.resize(BATCH * pairs);
-    std::size_t remaining = limit.value_or(std::numeric_limits<std::size_t>::max());
-    while (const std::size_t found = orders.next(batch.data(), std::min(BATCH, remaining))) {
+    const std::size_t most = deadline.is_set() ? HURRIED : BATCH;
+    batch.resize(most * pairs);
+    std::size_t remaining = limit;
+    while (const std::size_t found = orders.next(batch.data(), std::min(most, remaining))) {
         remaining -= found;
         append({batch.data(), found * pairs}, found, {});
+        if (deadline.passed()) {
+            break;
+        }
     }
-    ranking.left_out = limit ? orders.count_remaining(MOST_COUNTED) : 0;
+    ranking.left_out = orders.count_remaining(deadline.is_set() ? BATCH : MOST_COUNTED);
     return ranking;
 }
 

@@ -9,6 +9,7 @@
 #include <string>
 
 #include "intersection_env/orders.hpp"
+#include "model/contact.hpp"
 #include "model/rectangle.hpp"
 #include "tables/lane_tables.hpp"
 #include "threads.hpp"
@@ -185,6 +186,9 @@ void Predictor::add_touches(const Traffic& traffic, Bound& bound) const {
                 if (traffic.rear(a) > touch.on_a.end || traffic.rear(b) > touch.on_b.end) {
                     continue;
                 }
+            }
+            if (clearance(*map_, body(traffic, a), body(traffic, b)) <= 0.0F) {
+                continue; // they overlap from the start, as perception may have it
             }
             bound.touches.push_back(touch);
         }

@@ -2,12 +2,12 @@
 #pragma once
 
 #include <cstdint>
-#include <optional>
 #include <span>
 #include <vector>
 
 #include "intersection_env/maneuvers.hpp"
 #include "kernel/dispatch.hpp"
+#include "prediction/deadline.hpp"
 #include "prediction/predictor.hpp"
 
 namespace intersection_env {
@@ -25,12 +25,14 @@ struct Outcomes {
 Outcomes outcomes_of(const Predictor& predictor, const Traffic& traffic, std::span<const std::int8_t> orders,
                      std::size_t count, const Trajectories& trajectories, const Kernel& kernel);
 
-// By RankBy. cooperative, limit: as of rank_maneuvers, of flags that are enough.
+constexpr std::size_t BATCH = 1024, HURRIED = 64; // orders predicted at a time; where a deadline may come between
+
+// By RankBy. cooperative: as of rank_maneuvers, of flags that are enough. limit, deadline: predict no more, or longer.
 Ranking predicted_maneuvers(const Predictor& predictor, const Traffic& traffic,
-                            std::span<const std::uint8_t> cooperative, std::optional<std::size_t> limit,
+                            std::span<const std::uint8_t> cooperative, std::size_t limit, const Deadline& deadline,
                             const Kernel& kernel);
 Ranking expected_maneuvers(const Predictor& predictor, const Traffic& traffic,
-                           std::span<const std::uint8_t> cooperative, std::optional<std::size_t> limit,
+                           std::span<const std::uint8_t> cooperative, std::size_t limit, const Deadline& deadline,
                            const Kernel& kernel);
 
 } // namespace intersection_env

@@ -40,7 +40,7 @@ double weight(std::span<const std::int8_t> order, std::span<const float> logits)
 } // namespace
 
 WeighedOrders weigh_orders(const Predictor& predictor, const Traffic& traffic, std::span<const std::int8_t> given,
-                           std::size_t most, const Kernel& kernel) {
+                           std::size_t most, const Deadline& deadline, const Kernel& kernel) {
     if (!predictor.policy().forecast) {
         throw std::invalid_argument("the policy holds no order network, so it knows no probabilities");
     }
@@ -66,8 +66,11 @@ WeighedOrders weigh_orders(const Predictor& predictor, const Traffic& traffic, s
         for (std::size_t o = 0; o < found; ++o) {
             result.logarithm.push_back(weight({batch.data() + o * pairs, pairs}, result.logits));
         }
+        if (deadline.passed()) {
+            break;
+        }
     }
-    result.left_out = search.count_remaining(MOST_COUNTED);
+    result.left_out = search.count_remaining(deadline.is_set() ? BATCH : MOST_COUNTED);
     if (result.logarithm.empty()) {
         result.feasible = false;
         result.orders = fixed;

@@ -3,6 +3,7 @@
 
 #include <memory>
 #include <optional>
+#include <stdexcept>
 #include <string>
 #include <tuple>
 #include <vector>
@@ -14,6 +15,7 @@
 #include <nanobind/stl/tuple.h>
 #include <nanobind/stl/vector.h>
 
+#include "intersection_env/locate.hpp"
 #include "intersection_env/map.hpp"
 #include "intersection_env/traffic.hpp"
 #include "python/arrays.hpp"
@@ -83,6 +85,36 @@ nb::ndarray<nb::numpy, float> sample(const Map& map, int route, const Vector<flo
     return array;
 }
 
+using Doubles = nb::ndarray<nb::numpy, double>;
+
+// Of each point, the nearest place on a route.
+std::tuple<Doubles, Doubles, Doubles> project(const Map& map, int route, const Matrix<double>& points) {
+    if (route < 0 || static_cast<std::size_t>(route) >= map.routes.size()) {
+        throw nb::index_error("no such route");
+    }
+    if (points.shape(1) != 2) {
+        throw std::invalid_argument("points must be (point, 2)");
+    }
+    auto position = make<double>({points.shape(0)}), distance = make<double>({points.shape(0)});
+    auto excess = make<double>({points.shape(0)});
+    for (std::size_t k = 0; k < points.shape(0); ++k) {
+        const Nearest place = nearest(map, route, points.data()[2 * k], points.data()[2 * k + 1]);
+        position.data()[k] = place.position;
+        distance.data()[k] = place.distance;
+        excess.data()[k] = place.excess;
+    }
+    return {position, distance, excess};
+}
+
+std::vector<std::tuple<int, float, float, float>> places(const Map& map, double x, double y, double heading,
+                                                         double aside, double turned) {
+    std::vector<std::tuple<int, float, float, float>> rows;
+    for (const Place& place : locate(map, x, y, heading, {aside, turned})) {
+        rows.emplace_back(place.route, place.position, place.left, place.turn);
+    }
+    return rows;
+}
+
 } // namespace
 
 void bind_model(nb::module_& m) {
@@ -110,7 +142,11 @@ void bind_model(nb::module_& m) {
                      "Rows of yielder, prioritized, merging, and the interval on each [m].")
         .def_prop_ro("shared_lanes", &shared_lane_rows, "Rows of a, b, split, merge on a, merge on b, offset [m].")
         .def("sample", &sample, "route"_a, "position"_a.noconvert(),
-             "(position, 11): x, y, heading, width, v_max, six relative headings, interpolated.");
+             "(position, 11): x, y, heading, width, v_max, six relative headings, interpolated.")
+        .def("project", &project, "route"_a, "points"_a.noconvert(),
+             "Of points (point, 2) the nearest places on a route: position, distance, excess (point,) [m].")
+        .def("locate", &places, "x"_a, "y"_a, "heading"_a, "aside"_a, "turned"_a,
+             "The routes that fit: rows of route, position, lateral offset [m] and turn [rad].");
 
     nb::class_<Traffic>(m, "Traffic", "The vehicles at one moment, checked.")
         .def(nb::new_(&make_traffic), "map"_a, "route"_a.noconvert(), "position"_a.noconvert(), "speed"_a.noconvert(),
@@ -140,6 +176,9 @@ void bind_model(nb::module_& m) {
             return found ? std::optional(std::make_tuple(found->distance, found->a, found->b)) : std::nullopt;
         },
         "map"_a, "traffic"_a, "The smallest distance between two vehicles [m] and their indices, or None.");
+    m.def("overlaps", &overlaps, "map"_a, "traffic"_a, "Pairs of vehicles whose bodies overlap.");
+    m.def("doubted_speeds", &doubted_speeds, "map"_a, "traffic"_a,
+          "The vehicles that are faster than anybody drives there: km/h for m/s.");
     m.def("collision", &collision, "map"_a, "traffic"_a,
           "The first two vehicles that collide, now or once both have braked fully, or None.");
 }

@@ -2,6 +2,7 @@
 #include "python/bind.hpp"
 
 #include <algorithm>
+#include <limits>
 #include <memory>
 #include <optional>
 #include <span>
@@ -130,13 +131,14 @@ nb::ndarray<nb::numpy, T> column(const Ranking& ranking, Field Maneuver::* field
 
 std::tuple<Arrays, std::size_t> rank(const Predictor& predictor, const Traffic& traffic,
                                      const Vector<std::uint8_t>& cooperative, std::optional<std::size_t> limit,
-                                     std::optional<bool> by_expectation) {
+                                     double seconds, std::optional<bool> by_expectation) {
     const auto by =
         by_expectation ? std::optional(*by_expectation ? RankBy::expectation : RankBy::prediction) : std::nullopt;
     Ranking ranking;
     {
         const nb::gil_scoped_release release;
-        ranking = rank_maneuvers(predictor, traffic, {cooperative.data(), cooperative.size()}, limit, by, kernel());
+        ranking = rank_maneuvers(predictor, traffic, {cooperative.data(), cooperative.size()}, {limit, seconds}, by,
+                                 kernel());
     }
     auto priorities = make<std::int8_t>({ranking.maneuvers.size(), ranking.pairs.size()});
     std::copy(ranking.priorities.begin(), ranking.priorities.end(), priorities.data());
@@ -164,11 +166,12 @@ nb::ndarray<nb::numpy, T> copied(const std::vector<T>& values, const std::vector
 
 std::tuple<nb::ndarray<nb::numpy, std::int8_t>, Doubles, Doubles, std::size_t, std::size_t>
 probabilities(const Predictor& predictor, const Traffic& traffic, const Vector<std::int8_t>& given, double mass,
-              std::size_t most, std::size_t feasible) {
+              std::size_t most, std::size_t feasible, double seconds) {
     OrderProbabilities found;
     {
         const nb::gil_scoped_release release;
-        found = order_probabilities(predictor, traffic, {given.data(), given.size()}, {mass, most, feasible}, kernel());
+        found = order_probabilities(predictor, traffic, {given.data(), given.size()}, {mass, most, feasible, seconds},
+                                    kernel());
     }
     const std::size_t pairs = found.pairs.size(), orders = found.probability.size();
     return std::make_tuple(copied(found.orders, {orders, pairs}), copied(found.probability, {orders}),
@@ -299,11 +302,11 @@ void bind_prediction(nb::module_& m) {
              "assignments.");
 
     m.def("rank_maneuvers", &rank, "predictor"_a, "traffic"_a, "cooperative"_a.noconvert(), "limit"_a.none(),
-          "by_expectation"_a.none(),
+          "seconds"_a, "by_expectation"_a.none(),
           "Every crossing order and no intervention, ranked: columns (maneuver,), priorities (maneuver, pair); and how "
           "many orders were left out.");
     m.def("order_probabilities", &probabilities, "predictor"_a, "traffic"_a, "given"_a.noconvert(), "mass"_a, "most"_a,
-          "feasible"_a,
+          "feasible"_a, "seconds"_a = std::numeric_limits<double>::infinity(),
           "The most probable orders (order, pair) and their probability (order,), that of each yielder going first "
           "(pair,), how many orders are feasible and how many were left out.");
     m.def("position_quantiles", &quantiles, "policy"_a, "probability"_a.noconvert(), "position"_a.noconvert(),

@@ -8,7 +8,9 @@
 #include <nanobind/stl/tuple.h>
 #include <nanobind/stl/vector.h>
 
+#include "cores.hpp"
 #include "intersection_env/format_error.hpp"
+#include "intersection_env/locate.hpp"
 #include "intersection_env/maneuvers.hpp"
 #include "intersection_env/orders.hpp"
 #include "intersection_env/policy.hpp"
@@ -33,6 +35,9 @@ NB_MODULE(_core, m) {
     m.attr("MOST_LENGTH") = MOST_LENGTH;
     m.attr("MOST_WIDTH") = MOST_WIDTH;
     m.attr("MOST_SPEED") = MOST_SPEED;
+    m.attr("ASIDE") = ASIDE;
+    m.attr("TURNED") = TURNED;
+    m.attr("PLAIN_LANE") = PLAIN_LANE;
     m.attr("WORTHWHILE_GAIN") = WORTHWHILE_GAIN;
     m.attr("MOST_MANEUVERS") = MOST_MANEUVERS;
     m.attr("MOST_COUNTED") = MOST_COUNTED;
@@ -68,6 +73,8 @@ NB_MODULE(_core, m) {
             return std::make_tuple(16 * one.lanes * rounds, one.hyperbolic_tangent(rounds));
         },
         "isa"_a, "rounds"_a, "Likewise tanh.");
+    m.def("usable_cores", &usable_cores, "groups"_a = "/sys/fs/cgroup", "How many cores this process may use.");
+    m.def("orders_in_a_cycle", &orders_in_a_cycle, "vehicles"_a, "How many orders a planner's cycle has time for.");
     m.def("kernel_name", [] { return kernel().name; }, "The kernel in use.");
 
     python::bind_model(m);

@@ -42,7 +42,7 @@ extern "C" int LLVMFuzzerTestOneInput(const unsigned char* data, std::size_t siz
         const Predictor predictor(map, Policy{});
         const Traffic traffic = traffic_on(*map);
         const std::vector<std::uint8_t> all(traffic.route.size(), 1);
-        rank_maneuvers(predictor, traffic, all, 20, {}, kernel());
+        rank_maneuvers(predictor, traffic, all, {20}, {}, kernel());
     } catch (const FormatError&) { // refused: what should happen to most
     } catch (const std::invalid_argument&) {
     }

@@ -3,6 +3,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <limits>
 #include <span>
 #include <vector>
 
@@ -19,6 +20,8 @@ struct ForecastLimits {
     double mass = 0.95;                    // as many orders as have this probability together,
     std::size_t orders = 64;               // but no more than these, ours: what is predicted in a millisecond
     std::size_t feasible = MOST_MANEUVERS; // orders that share the probability
+    double seconds =
+        std::numeric_limits<double>::infinity(); // the search ends then; what it found depends on the machine
 };
 
 // The probability of an order is in proportion to the product of its pairs' probabilities, over all feasible orders;

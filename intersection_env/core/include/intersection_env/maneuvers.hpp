@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "intersection_env/map.hpp"
+#include "intersection_env/orders.hpp"
 #include "intersection_env/traffic.hpp"
 
 namespace intersection_env {
@@ -46,20 +47,20 @@ struct Ranking {
     std::vector<Pair> pairs; // find_conflicts of the traffic
     std::vector<Maneuver> maneuvers;
     std::vector<std::int8_t> priorities; // (maneuver, pair): +1 yielder first, -1 prioritized first, 0 gap decision
-    std::size_t left_out = 0;            // orders beyond the limit, counted up to MOST_COUNTED
+    std::size_t left_out = 0;            // orders beyond the budget, of those never found at most MOST_COUNTED counted
 
     std::span<const std::int8_t> priorities_of(std::size_t maneuver) const {
         return {priorities.data() + maneuver * pairs.size(), pairs.size()};
     }
 };
 
-// Predicts no intervention and at most `limit` crossing orders; no limit: all, and none is counted. By prediction they
-// begin with those that keep the order of no intervention among most pairs; by expectation with the most probable one,
-// and the least certain pairs change first. cooperative: one flag a vehicle, as in Orders. by: expectation where the
-// policy has a forecast model, if none is named.
-// Throws std::invalid_argument for a traffic that is refused, too few flags, or an expectation without such a model.
+// Predicts no intervention and as many crossing orders as the budget has; one batch of them at least. By prediction
+// they begin with those that keep the order of no intervention among most pairs; by expectation with the most probable
+// one, and the least certain pairs change first. cooperative: one flag a vehicle, as in Orders. by: expectation where
+// the policy has a forecast model, if none is named. Throws std::invalid_argument for a traffic that is refused, too
+// few flags, or an expectation without such a model.
 Ranking rank_maneuvers(const Predictor& predictor, const Traffic& traffic, std::span<const std::uint8_t> cooperative,
-                       std::optional<std::size_t> limit, std::optional<RankBy> by, const Kernel& kernel);
+                       const Budget& budget, std::optional<RankBy> by, const Kernel& kernel);
 
 // Who reached each conflict first in predicted trajectories, position (scenario, STEPS + 1, vehicle): (scenario, pair),
 // +1 the yielder, -1 the prioritized vehicle or both within one step (ours), 0 neither yet. A vehicle reaches a

@@ -3,6 +3,8 @@
 
 #include <array>
 #include <cstdint>
+#include <limits>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -12,6 +14,15 @@ namespace intersection_env {
 
 constexpr std::size_t MOST_MANEUVERS = 10000; // ours: a second's work; a dense traffic can have millions of orders
 constexpr std::size_t MOST_COUNTED = 20000;   // ours: orders left out are counted this far, which takes some 25 ms
+
+// As many orders of so many vehicles as a planner's cycle has time for, some 50 ms on one core; at most MOST_MANEUVERS.
+std::size_t orders_in_a_cycle(int vehicles);
+
+// How many orders a ranking may predict.
+struct Budget {
+    std::optional<std::size_t> orders{};                      // none: orders_in_a_cycle
+    double seconds = std::numeric_limits<double>::infinity(); // then it ends too; what comes out depends on the machine
+};
 
 // Who precedes whom, closed under transitivity. Vehicles are bits.
 class Precedence {

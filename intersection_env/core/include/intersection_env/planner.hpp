@@ -17,6 +17,7 @@
 
 #include "intersection_env/forecast.hpp"
 #include "intersection_env/format_error.hpp"
+#include "intersection_env/locate.hpp"
 #include "intersection_env/maneuvers.hpp"
 #include "intersection_env/map.hpp"
 #include "intersection_env/orders.hpp"
@@ -35,8 +36,8 @@ struct Vehicle {
     float max_speed = std::numeric_limits<float>::infinity(); // its own top speed [m/s]; bicycles: 5
 };
 
-// The traffic of vehicles, in their order. Throws std::invalid_argument for an unknown route, a value out of range, or
-// vehicles that overlap.
+// The traffic of vehicles, in their order; `overlaps` says whose bodies overlap. Throws std::invalid_argument for an
+// unknown route or a value out of range.
 Traffic traffic_of(const Map& map, std::span<const Vehicle> vehicles);
 
 // The next 10 s. Frames are DT apart, the first is now.
@@ -78,7 +79,7 @@ class Planner {
 
     // The traffic at a step, 0 to STEPS, of a predicted scenario: the vehicles then present, in their order, with what
     // they remember. Predicted on, it goes on as the prediction does, and keeps to its order with priorities_at:
-    // (pair,) over find_conflicts of that traffic. Bodies may overlap in it, as in the prediction. Throws
+    // (pair,) over find_conflicts of that traffic. Throws
     // std::invalid_argument for a step or scenario that the prediction does not have.
     Traffic traffic_at(const Prediction& prediction, int step, int scenario = 0) const;
     std::vector<std::int8_t> priorities_at(const Prediction& prediction, int step, int scenario = 0) const;
@@ -91,8 +92,8 @@ class Planner {
 
     // cooperative: one flag a vehicle; only pairs of two that take instructions are ordered. Empty: all do.
     // Otherwise as rank_maneuvers.
-    Ranking rank(const Traffic& traffic, std::span<const std::uint8_t> cooperative = {},
-                 std::optional<std::size_t> limit = MOST_MANEUVERS, std::optional<RankBy> by = {}) const;
+    Ranking rank(const Traffic& traffic, std::span<const std::uint8_t> cooperative = {}, const Budget& budget = {},
+                 std::optional<RankBy> by = {}) const;
 
   private:
     std::shared_ptr<const Predictor> predictor_;

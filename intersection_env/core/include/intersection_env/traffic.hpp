@@ -63,6 +63,13 @@ struct Closest {
 };
 std::optional<Closest> closest(const Map& map, const Traffic& traffic);
 
+// All pairs of vehicles whose bodies overlap, as perception may have it; sorted.
+std::vector<std::pair<int, int>> overlaps(const Map& map, const Traffic& traffic);
+
+// The vehicles, by index, that are more than twice as fast as the map allows where they are: their speeds can only be
+// km/h.
+std::vector<int> doubted_speeds(const Map& map, const Traffic& traffic);
+
 // The first two vehicles that collide as the worlds understand it, by two circles each: now, or once both have braked
 // fully.
 std::optional<std::pair<int, int>> collision(const Map& map, const Traffic& traffic);

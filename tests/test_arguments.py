@@ -1,0 +1,89 @@
+"""Names and files that are not there, or are something else: what is said names the argument and what ships."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from intersection_env import ClosedLoop, ClosedLoopWorlds, Intersection, Predictor, Replay, ReplayVector, Scenes
+from intersection_env.maps.__main__ import main as compile_maps
+from intersection_env.policies.named import gap_decider
+from intersection_env.traffic import Traffic, Vehicle
+
+LOADERS: dict[str, tuple[Callable[[Any], Any], str]] = {
+    "map": (Intersection.load, "bendplatz, crossroads, t_junction"),
+    "policy": (Predictor.load, "idm_calibrated, ppo, rollout_gradient, idm, constant_velocity"),
+    "scenes": (Scenes.load, "bendplatz, crossroads, t_junction"),
+    "gap": (gap_decider, "critical_gap, sumo, gail, gap"),
+}
+
+
+@pytest.mark.parametrize("value", [["bendplatz"], 3, None])
+@pytest.mark.parametrize("name", LOADERS)
+def test_what_is_no_name_and_no_path_is_refused_by_the_argument_s_name(name: str, value: object) -> None:
+    load, ships = LOADERS[name]
+    with pytest.raises(TypeError, match=f"^{name} is ") as caught:
+        load(value)
+    assert repr(value) in str(caught.value)
+    assert ships in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("name", "file"),
+    [("map", "nope.map"), ("map", "nope.json"), ("policy", "nope.policy"), ("scenes", "nope.npz"), ("scenes", "nope")],
+)
+def test_a_file_that_is_not_there_is_named_beside_what_ships(name: str, file: str, tmp_path: Path) -> None:
+    load, ships = LOADERS[name]
+    with pytest.raises(FileNotFoundError) as caught:
+        load(tmp_path / file)
+    assert str(tmp_path / file) in str(caught.value)
+    assert ships in str(caught.value)
+    assert "Errno" not in str(caught.value)
+
+
+def test_a_source_to_compile_that_is_not_there_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert compile_maps([str(tmp_path / "nope.json")]) == 1
+    said = capsys.readouterr().err
+    assert str(tmp_path / "nope.json") in said
+    assert "Errno" not in said
+
+
+@pytest.mark.parametrize("make", [Replay, lambda **options: ReplayVector(4, **options)])
+def test_environments_name_the_argument_that_is_wrong(make: Callable[..., Any]) -> None:
+    with pytest.raises(TypeError, match=r"^scenes is \['bendplatz'\]; wanted a name"):
+        make(scenes=["bendplatz"])
+    with pytest.raises(TypeError, match=r"^map is 3; wanted a name"):
+        make(map=3)
+    with pytest.raises(TypeError, match=r"^gap is 3; wanted a name"):
+        make(gap=3)
+
+
+def test_closed_loops_name_the_argument_that_is_wrong() -> None:
+    with pytest.raises(TypeError, match=r"^map is \['bendplatz'\]; wanted a name"):
+        ClosedLoop(map=["bendplatz"])  # type: ignore[arg-type]
+    with pytest.raises(TypeError, match=r"^map is 3; wanted a name"):
+        ClosedLoopWorlds(worlds=2, map=3)  # type: ignore[arg-type]
+
+
+def test_a_traffic_wants_a_loaded_map() -> None:
+    with pytest.raises(TypeError, match=r"^intersection is 'bendplatz'; wanted an Intersection"):
+        Traffic.of("bendplatz", [Vehicle("a", "SE-NW", 90.0, 5.0)])  # type: ignore[arg-type]
+
+
+def test_nobody_is_advised_to_unpickle(tmp_path: Path) -> None:
+    np.save(tmp_path / "objects.npy", np.array([{}], dtype=object))
+    np.savez(tmp_path / "objects.npz", header=np.array([{}], dtype=object))
+    (tmp_path / "text.npz").write_text("hello")
+    for path in tmp_path.iterdir():
+        with pytest.raises(ValueError, match="not a scenes file") as caught:
+            Scenes.load(path)
+        assert "pickle" not in str(caught.value)
+
+
+def test_scenes_are_shown_in_a_line() -> None:
+    scenes = Scenes.load(Path("t_junction"))
+    assert repr(scenes) == f"Scenes('t_junction', {len(scenes)} scenes)"
