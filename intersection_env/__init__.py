@@ -1,17 +1,16 @@
 """Traffic at unsignalized intersections: maps, recorded scenes, prediction, maneuvers, environments for learning.
 
-Importing it registers `intersection_env/Replay-v0` with Gymnasium and `intersection_env/ClosedLoop-v0` with PettingZoo.
+Importing it registers the environments, as `intersection_env/Replay-v0` with Gymnasium and
+`intersection_env/ClosedLoop-v0` with PettingZoo; `intersection_env.VARIANTS` lists them all.
 """
 
 from importlib.metadata import version
-
-import gymnasium
-import pettingzoo
 
 from intersection_env import installed as installed  # first: it says what is wrong where the core is missing
 from intersection_env.envs.closed_loop import ClosedLoop, env, parallel_env
 from intersection_env.envs.replay import Replay
 from intersection_env.envs.replay_vector import ReplayVector
+from intersection_env.envs.variants import VARIANTS, Variant, register
 from intersection_env.maps.intersection import Intersection
 from intersection_env.prediction.forecast import Forecast, Noise, forecast
 from intersection_env.prediction.maneuvers import crossing_orders, rank_maneuvers
@@ -23,6 +22,7 @@ from intersection_env.worlds.closed_loop import ClosedLoopWorlds
 from intersection_env.worlds.replay import ReplayWorlds
 
 __all__ = [
+    "VARIANTS",
     "ClosedLoop",
     "ClosedLoopWorlds",
     "Forecast",
@@ -38,6 +38,7 @@ __all__ = [
     "Scenes",
     "Summary",
     "Traffic",
+    "Variant",
     "Vehicle",
     "__version__",
     "crossing_orders",
@@ -49,10 +50,4 @@ __all__ = [
 
 __version__ = version("intersection_env")
 
-gymnasium.register(
-    "intersection_env/Replay-v0",
-    entry_point="intersection_env.envs.replay:Replay",
-    vector_entry_point="intersection_env.envs.replay_vector:ReplayVector",
-)
-pettingzoo.register("parallel", "intersection_env/ClosedLoop-v0", "intersection_env.envs.closed_loop:parallel_env")
-pettingzoo.register("aec", "intersection_env/ClosedLoop-v0", "intersection_env.envs.closed_loop:env")
+register()

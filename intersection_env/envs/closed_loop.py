@@ -9,12 +9,14 @@ from typing import Any
 import numpy as np
 from gymnasium.error import ResetNeeded
 from gymnasium.spaces import Box
+from gymnasium.utils import seeding
 from numpy.typing import NDArray
 from pettingzoo import AECEnv, ParallelEnv
 from pettingzoo.utils.conversions import parallel_to_aec_wrapper
 from pettingzoo.utils.wrappers import AssertOutOfBoundsWrapper, OrderEnforcingWrapper
 
 from intersection_env.envs.actions import read_actions
+from intersection_env.envs.central_state import central_state, central_state_space
 from intersection_env.envs.spaces import action_space, observation_space
 from intersection_env.envs.view import FRAMES_PER_SECOND, RENDER_MODES, View
 from intersection_env.maps.intersection import Intersection, Sample
@@ -96,6 +98,9 @@ class ClosedLoop(ParallelEnv[str, Array, Array]):
 
     ![What an agent sees](pictures/features.png)
 
+    `state()` is the whole world for central critics, within `state_space`: one row of float32, of each vehicle in turn
+    its place x and y [m], heading [rad], length and width [m], then its twelve features.
+
     ## Reward
 
     The paper's Table II; a is the acceleration, v the speed, d_stop and d_lead the distances, v_max the speed limit,
@@ -137,6 +142,10 @@ class ClosedLoop(ParallelEnv[str, Array, Array]):
       are **truncated**;
     - a reinsertion for which there is no room, or `max_cycles` steps: all are **truncated**.
 
+    With `ends_together`, whoever terminates is truncated too, so that a world's end truncates all of its agents. That
+    is for wrappers that end an episode only where all agents are terminated or all are truncated, as RLlib's, and go on
+    stepping a world that has ended otherwise. Nothing else changes: whoever caused a collision still terminates.
+
     ## Arguments
 
     | argument | default | meaning |
@@ -146,12 +155,14 @@ class ClosedLoop(ParallelEnv[str, Array, Array]):
     | `gap` | `"critical_gap"` | who decides about gaps, see below |
     | `max_cycles` | 2000 | steps after which the world ends; a change takes effect with the next reset |
     | `render_mode` | `None` | `"rgb_array"` or `"human"` |
+    | `ends_together` | `False` | whether a world's end truncates those who terminate too, see above |
 
     Gaps are decided by a rule, `"critical_gap"` (6 s where paths cross, 4 s where they merge) or `"sumo"`, or by the
     gap network of a policy: the name of one that ships (`"gap"`) or a `.policy` file.
 
     `reset(seed, options)`: the same seed gives the same world; without one, the world goes on to its next start.
-    Options are ignored.
+    Options are ignored. `np_random` is NumPy's generator for wrappers and rewards of one's own, which the seed
+    determines too; the world draws from streams in the core.
 
     ## Versions
 
@@ -172,6 +183,7 @@ class ClosedLoop(ParallelEnv[str, Array, Array]):
         gap: str | Path = "critical_gap",
         max_cycles: int = 2000,
         render_mode: str | None = None,
+        ends_together: bool = False,
     ) -> None:
         """The environment; the class says what the arguments mean.
 
@@ -183,6 +195,8 @@ class ClosedLoop(ParallelEnv[str, Array, Array]):
         self.render_mode = render_mode
         self._view = View(render_mode)
         self.max_cycles = max_cycles
+        self.ends_together = ends_together
+        self.np_random, self.np_random_seed = seeding.np_random()
         self._map, self._gap = map, gap
         self._bind(ClosedLoopWorlds(map, vehicles=vehicles, gap=gap, max_cycles=max_cycles, autoreset="off"))
         self._worlds_end = max_cycles
@@ -192,6 +206,7 @@ class ClosedLoop(ParallelEnv[str, Array, Array]):
         intersection = self._worlds.intersection
         fastest = max(float(route.samples[:, Sample.V_MAX].max()) for route in intersection.routes)
         observations = observation_space(intersection, fastest, backing=True)
+        self.state_space = central_state_space(intersection, len(self.possible_agents), observations)
         self._observation_spaces = {agent: observations for agent in self.possible_agents}
         self._action_spaces = {agent: action_space() for agent in self.possible_agents}
 
@@ -220,11 +235,13 @@ class ClosedLoop(ParallelEnv[str, Array, Array]):
         else:
             self._worlds.reset(fresh_seed() if seed is None else seed)
         self.agents = self.possible_agents[:]
+        if seed is not None:
+            self.np_random, self.np_random_seed = seeding.np_random(int(seed))
         self._view.after_step(self._worlds)
         observations = dict(zip(self.agents, self._observation.copy(), strict=True))
         # Both keys for all: TorchRL asks the first infos which ones there are.
         last = zip(self.agents, self._observation.copy(), strict=True)
-        return observations, {agent: {"reinserted": False, "final_observation": row} for agent, row in last}
+        return observations, {agent: {"reinserted": np.False_, "final_observation": row} for agent, row in last}
 
     def step(self, actions: Mapping[str, Array]) -> Steps:
         """One step of 0.2 s with the actions of all agents.
@@ -248,9 +265,19 @@ class ClosedLoop(ParallelEnv[str, Array, Array]):
         if TRUE in self._reinserted.tobytes():
             for slot in np.flatnonzero(self._reinserted).tolist():
                 last = self._final_observation[slot].copy()
-                infos[agents[slot]] = {"reinserted": True, "final_observation": last}
+                infos[agents[slot]] = {"reinserted": np.True_, "final_observation": last}
         self._view.after_step(self._worlds)
         return observations, rewards, self._nobody.copy(), self._nobody.copy(), infos
+
+    def state(self) -> Array:
+        """The whole world, as the class says; after its end, with what all saw last.
+
+        Raises:
+            gymnasium.error.ResetNeeded: before the first reset.
+        """
+        if not self._worlds.is_reset:
+            raise ResetNeeded("there is no state before the first reset: call reset()")
+        return central_state(self._worlds, self._observation if self.agents else self._last_observation())
 
     def render(self) -> NDArray[np.uint8] | None:
         """A picture of the moment (600, 600, 3), or None after it was shown in a window; raises as `View.show`."""
@@ -281,13 +308,18 @@ class ClosedLoop(ParallelEnv[str, Array, Array]):
     def _end(self, rewards: dict[str, float]) -> Steps:
         """What the step that ended the world gives: the last observations of all."""
         agents, self.agents = self.agents, []
-        cut = self._terminated | self._truncated | self._reinserted
-        last = np.where(cut[:, None], self._final_observation, self._observation)
-        observations = dict(zip(agents, last, strict=True))
+        observations = dict(zip(agents, self._last_observation(), strict=True))
         terminations = dict(zip(agents, self._terminated.tolist(), strict=True))
-        truncations = dict(zip(agents, self._truncated.tolist(), strict=True))
+        truncated = self._truncated | self._terminated if self.ends_together else self._truncated
+        truncations = dict(zip(agents, truncated.tolist(), strict=True))
         self._view.after_step(self._worlds)
         return observations, rewards, terminations, truncations, {agent: {} for agent in agents}
+
+    def _last_observation(self) -> Array:
+        """What all saw when the world ended."""
+        cut = self._terminated | self._truncated | self._reinserted
+        last: Array = np.where(cut[:, None], self._final_observation, self._observation)
+        return last
 
     def __getstate__(self) -> dict[str, Any]:
         return {name: value for name, value in self.__dict__.items() if name not in VIEWS}

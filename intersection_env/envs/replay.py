@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import gymnasium
 import numpy as np
+from gymnasium.envs.registration import EnvSpec
 from gymnasium.error import ResetNeeded
 from numpy.typing import NDArray
 
 from intersection_env.constants import DT
 from intersection_env.envs.actions import check_actions
 from intersection_env.envs.spaces import action_space, observation_space
+from intersection_env.envs.spec import by_name
 from intersection_env.envs.view import FRAMES_PER_SECOND, RENDER_MODES, View
 from intersection_env.maps.intersection import Intersection
 from intersection_env.scenes.scenes import Scenes
@@ -118,10 +121,13 @@ class Replay(gymnasium.Env[Array, Array]):
     | key | type | is |
     |---|---|---|
     | `expert_observation` | (12,) float32 | what the recorded vehicle saw at this step |
-    | `expert_acceleration` | float | what takes it to its next recorded speed [m/s²]: 6 times its action |
-    | `scene` | str | the scene's id |
-    | `vehicle` | str | the acting vehicle's track id |
-    | `time` | float | since the scene's begin [s] |
+    | `expert_acceleration` | float32 | what takes it to its next recorded speed [m/s²]: 6 times its action |
+    | `scene` | int64 | the scene's number |
+    | `vehicle` | int64 | the acting vehicle's number in its scene |
+    | `time` | float32 | since the scene's begin [s] |
+
+    All are NumPy's, so that readers of infos, as TorchRL's, make arrays of them. `env.unwrapped.names(info)` says the
+    ids of scene and vehicle; ids and numbers alike are options of `reset`.
 
     ## Start
 
@@ -152,6 +158,7 @@ class Replay(gymnasium.Env[Array, Array]):
     - v0: the first.
     """
 
+    _spec: EnvSpec | None = None
     metadata: dict[str, Any] = {"render_modes": list(RENDER_MODES), "render_fps": FRAMES_PER_SECOND}  # noqa: RUF012, Gymnasium's convention
 
     def __init__(
@@ -177,10 +184,23 @@ class Replay(gymnasium.Env[Array, Array]):
             self._worlds.intersection, self._worlds.tracks.fastest, backing=False
         )
 
+    @property  # of Gymnasium an attribute, which `make` sets
+    def spec(self) -> EnvSpec | None:
+        """What it was made with, by names where there are some."""
+        return self._spec
+
+    @spec.setter
+    def spec(self, spec: EnvSpec | None) -> None:
+        self._spec = by_name(spec)
+
     @property
     def scenes(self) -> Scenes:
         """The scenes that are replayed."""
         return self._worlds.tracks.scenes
+
+    def names(self, info: Mapping[str, Any]) -> tuple[str, str]:
+        """The ids of scene and acting vehicle, of what `reset` or `step` gave as info."""
+        return self._worlds.tracks.names(info["scene"], info["vehicle"])
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Array, dict[str, Any]]:
         """A new episode: the one that the seed determines, that the options name, or else the next one.
@@ -238,8 +258,8 @@ class Replay(gymnasium.Env[Array, Array]):
         track = worlds.track[0]
         return {
             "expert_observation": worlds.expert_observation[0].copy(),
-            "expert_acceleration": float(worlds.expert_acceleration[0]),
-            "scene": worlds.tracks.scene_id[track],
-            "vehicle": worlds.tracks.track_id[track],
-            "time": round(int(worlds.time[0]) * DT, 1),
+            "expert_acceleration": worlds.expert_acceleration[0],
+            "scene": worlds.tracks.scene_number[track],
+            "vehicle": worlds.tracks.track_number[track],
+            "time": np.float32(round(int(worlds.time[0]) * DT, 1)),
         }

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from gymnasium.envs.registration import EnvSpec
 from gymnasium.error import ResetNeeded
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
@@ -15,6 +17,7 @@ from intersection_env.arguments import whole_number
 from intersection_env.constants import DT
 from intersection_env.envs.actions import check_actions
 from intersection_env.envs.spaces import action_space, observation_space
+from intersection_env.envs.spec import by_name
 from intersection_env.envs.view import FRAMES_PER_SECOND, View
 from intersection_env.maps.intersection import Intersection
 from intersection_env.scenes.scenes import Scenes
@@ -33,8 +36,9 @@ class ReplayVector(VectorEnv[Array, Array, Array]):
     envs = gymnasium.make_vec("intersection_env/Replay-v0", num_envs=64)
     ```
 
-    World i of `reset(seed=s)` starts with the random stream of (s, i); world 0 is `Replay` with that seed. Infos are
-    those of `Replay`, each an array over the worlds.
+    World i of `reset(seed=s)` starts with the random stream of (s, i); world 0 is `Replay` with that seed. Of a list of
+    seeds, world i is `Replay` with the i-th; where that is None, its stream goes on. Infos are those of `Replay`, each
+    an array over the worlds; `envs.unwrapped.names(infos)` lists the ids of scenes and vehicles.
 
     | argument | default | meaning |
     |---|---|---|
@@ -51,6 +55,7 @@ class ReplayVector(VectorEnv[Array, Array, Array]):
     - `"Disabled"`: it must be started anew with `reset(options={"reset_mask": mask})` before the next step.
     """
 
+    _spec: EnvSpec | None = None
     metadata: dict[str, Any] = {  # noqa: RUF012, Gymnasium's convention
         "render_modes": ["rgb_array"],
         "render_fps": FRAMES_PER_SECOND,
@@ -93,7 +98,7 @@ class ReplayVector(VectorEnv[Array, Array, Array]):
             scenes, map=map, split=split, gap=gap, worlds=num_envs, autoreset=autoreset, threads=threads
         )
         tracks = self._worlds.tracks
-        self._seconds = np.round(np.arange(int(tracks.arrays["scene_steps"].max()) + 1) * DT, 1)
+        self._seconds = np.round(np.arange(int(tracks.arrays["scene_steps"].max()) + 1) * DT, 1).astype(np.float32)
         self._all = np.ones(num_envs, np.bool_)
         is_disabled = self.autoreset_mode is AutoresetMode.DISABLED
         self._waiting = np.zeros(num_envs, np.bool_) if is_disabled else None
@@ -103,32 +108,43 @@ class ReplayVector(VectorEnv[Array, Array, Array]):
         self.action_space = batch_space(self.single_action_space, num_envs)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
 
+    @property  # of Gymnasium an attribute, which `make` sets
+    def spec(self) -> EnvSpec | None:
+        """What it was made with, by names where there are some."""
+        return self._spec
+
+    @spec.setter
+    def spec(self, spec: EnvSpec | None) -> None:
+        self._spec = by_name(spec)
+
     @property
     def scenes(self) -> Scenes:
         """The scenes that are replayed."""
         return self._worlds.tracks.scenes
 
-    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Array, dict[str, Any]]:
+    def names(self, infos: Mapping[str, Any]) -> list[tuple[str, str]]:
+        """Of each world the ids of scene and acting vehicle, of what `reset` or `step` gave as infos for all worlds."""
+        return [self._worlds.tracks.names(*one) for one in zip(infos["scene"], infos["vehicle"], strict=True)]
+
+    def reset(
+        self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Array, dict[str, Any]]:
         """New episodes in all worlds, or in those where option `reset_mask`, (num_envs,) bool, is true.
 
         Raises:
-            TypeError, ValueError: an unknown option, or no such mask.
+            TypeError, ValueError: an unknown option, no such mask, or not one seed a world where there are several.
         """
         mask = self._mask(options or {})
-        super().reset(seed=seed)
         worlds = self._worlds
         if not worlds.is_reset and not mask.all():
             raise ResetNeeded("the first reset must start all worlds; there is a reset_mask")
-        if seed is None and worlds.is_reset:
+        if isinstance(seed, Sequence | np.ndarray):
+            self._reset_each(list(seed), mask)
+        elif seed is None and worlds.is_reset:
             worlds.reset_worlds(mask)
         else:
-            before = None if mask.all() else worlds.state()
-            worlds.reset(fresh_seed() if seed is None else seed)
-            if before is not None:
-                seeded = worlds.state()
-                for name, values in seeded.items():
-                    values[~mask] = before[name][~mask]
-                worlds.set_state(seeded)
+            self._reset_all(fresh_seed() if seed is None else seed, mask)
+            super().reset(seed=seed)
         if self._waiting is not None:
             self._waiting &= ~mask
         self._elapsed[mask] = 0
@@ -173,6 +189,24 @@ class ReplayVector(VectorEnv[Array, Array, Array]):
         pictures = [self._view.show(self._worlds, world) for world in range(self.num_envs if self.render_mode else 1)]
         return tuple(picture for picture in pictures if picture is not None) or None
 
+    def _reset_all(self, seed: int, mask: NDArray[np.bool_]) -> None:
+        """World i of the mask by the random stream of (seed, i)."""
+        worlds = self._worlds
+        before = None if mask.all() else worlds.state()
+        worlds.reset(seed)
+        if before is not None:
+            seeded = worlds.state()
+            for name, values in seeded.items():
+                values[~mask] = before[name][~mask]
+            worlds.set_state(seeded)
+
+    def _reset_each(self, seeds: list[int | None], mask: NDArray[np.bool_]) -> None:
+        """World i of the mask as `Replay` does with the i-th seed."""
+        self._worlds.reset_each(seeds, mask)
+        given = [seed for seed in seeds if seed is not None]
+        if given:
+            self.np_random = np.random.default_rng(given)
+
     def _keep_limit(self, limit: int, reward: Array, terminated: Array, truncated: Array) -> None:
         """Starts anew what the limit cut one step ago, and cuts what has reached it now; changes the arrays given."""
         if self._cut.any():
@@ -197,15 +231,15 @@ class ReplayVector(VectorEnv[Array, Array, Array]):
         return np.ascontiguousarray(mask)
 
     def _add_infos(self, infos: dict[str, Any], mask: NDArray[np.bool_]) -> None:
-        """The infos of the worlds in the mask, as Gymnasium batches them; the others' are 0 or None."""
+        """The infos of the worlds in the mask, as Gymnasium batches them; the others' are 0."""
         worlds = self._worlds
         chosen = slice(None) if mask is self._all else np.flatnonzero(mask)
         track = worlds.track[chosen]
         added: dict[str, Array] = {
             "expert_observation": np.array(worlds.expert_observation[chosen]),
-            "expert_acceleration": worlds.expert_acceleration[chosen].astype(np.float64),
-            "scene": worlds.tracks.scene_id.take(track),
-            "vehicle": worlds.tracks.track_id.take(track),
+            "expert_acceleration": np.array(worlds.expert_acceleration[chosen]),
+            "scene": worlds.tracks.scene_number.take(track),
+            "vehicle": worlds.tracks.track_number.take(track),
             "time": self._seconds.take(worlds.time[chosen]),
         }
         given = mask.copy()
@@ -215,7 +249,7 @@ class ReplayVector(VectorEnv[Array, Array, Array]):
     def _among_all(self, values: Array, chosen: slice | NDArray[np.intp]) -> Array:
         if isinstance(chosen, slice):
             return values
-        among = np.full((self.num_envs, *values.shape[1:]), None if values.dtype == object else 0, values.dtype)
+        among = np.zeros((self.num_envs, *values.shape[1:]), values.dtype)
         among[chosen] = values
         return among
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -26,13 +26,15 @@ RECORDED = Path(__file__).parent
 class Scenes:
     """The scenes of one intersection; a sequence, by number or by id.
 
-    provenance: where they come from; dropped: what was left out on the way, counted by reason.
+    provenance: where they come from; dropped: what was left out on the way, counted by reason. source: what `load`
+    was given, if that alone gives the same scenes again.
     """
 
     intersection: Intersection
     scenes: tuple[Scene, ...]
     provenance: dict[str, Any]
     dropped: dict[str, float]
+    source: str | None = field(default=None, init=False)  # so that `replace` leaves it out
 
     @classmethod
     def load(cls, name: str | Path, intersection: str | Path | Intersection | None = None) -> Scenes:
@@ -46,7 +48,7 @@ class Scenes:
             ValueError: the file is damaged, of another version, or belongs to another map; the message
                 names file and array.
         """
-        path = scenes_path(name)
+        path, source = scenes_path(name), str(name) if intersection is None else None
         if intersection is not None and not isinstance(intersection, Intersection):
             intersection = Intersection.load(intersection)
         header, arrays = read_scenes_file(path)
@@ -55,7 +57,9 @@ class Scenes:
             scenes = unpack(arrays, intersection)
         except ValueError as error:
             raise ValueError(f"{path}: {error}") from None
-        return cls(intersection, scenes, header["provenance"], header["dropped"])
+        loaded = cls(intersection, scenes, header["provenance"], header["dropped"])
+        object.__setattr__(loaded, "source", source)
+        return loaded
 
     def save(self, path: str | Path) -> None:
         """Writes the scenes file; at no moment is there half a file under that name.

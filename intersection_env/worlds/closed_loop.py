@@ -77,8 +77,10 @@ class ClosedLoopWorlds(Worlds):
         )
         self.intersection = map if isinstance(map, Intersection) else Intersection.load(map)
         self.policy = _core.Policy(gap_decider(gap).text(), str(gap))
-        self.core = _core.ClosedLoop(
-            self.intersection.core, self.policy, worlds, vehicles, max_cycles, autoreset, threads, isa
-        )
+        self.core = self._made(worlds)
         self._bind("action", "observation", "final_observation", "reward")
         self._bind("terminated", "truncated", "reinserted", "done")
+
+    def _made(self, worlds: int) -> _core.ClosedLoop:
+        given = (self._arguments[name] for name in ("vehicles", "max_cycles", "autoreset", "threads", "isa"))
+        return _core.ClosedLoop(self.intersection.core, self.policy, worlds, *given)

@@ -6,6 +6,7 @@ read the others, and copy what is to outlive the next step. `ClosedLoop` and `Re
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any, Literal
 
 import numpy as np
@@ -53,6 +54,39 @@ class Worlds:
     def reset_worlds(self, mask: NDArray[np.bool_]) -> None:
         """Starts the worlds where `mask` (world,) is true anew; their random streams go on."""
         self.core.reset_worlds(mask)
+
+    def reset_each(self, seeds: Sequence[int | None], mask: NDArray[np.bool_] | None = None) -> None:
+        """Starts each world as the only one of worlds that `reset(seeds[world])` starts; None: its stream goes on.
+
+        mask: (world,) bool, which worlds to start; None: all.
+
+        Raises:
+            TypeError, ValueError: not one seed a world, or one that is no whole number from 0 to 2^63 - 1.
+            RuntimeError: there is no room on the map for so many vehicles, or not all worlds are to start first.
+        """
+        worlds = len(self.action)
+        if len(seeds) != worlds:
+            raise ValueError(f"there are {len(seeds)} seeds; wanted one for each of the {worlds} worlds")
+        checked = [None if seed is None else check_seed(seed) for seed in seeds]
+        mask = np.ones(worlds, np.bool_) if mask is None else mask
+        if not self.is_reset:
+            if not mask.all():
+                raise RuntimeError("the first reset must start all worlds")
+            self.reset(fresh_seed())
+        elif (on := mask & [seed is None for seed in checked]).any():
+            self.core.reset_worlds(on)
+        alone = self._made(1)
+        state = self.state()
+        for world in np.flatnonzero(mask).tolist():
+            if (seed := checked[world]) is not None:
+                alone.reset(seed, False)
+                for name, values in alone.state().items():
+                    state[name][world] = values[0]
+        self.core.set_state(state)
+
+    def _made(self, worlds: int) -> _core.ClosedLoop | _core.Replay:
+        """The core's worlds, so many, with the arguments of these."""
+        raise NotImplementedError
 
     def step(self) -> None:
         """One step of 0.2 s by `action`, which is trusted to be in [-1, 1]."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, TypeGuard
+from typing import Any, SupportsInt, TypeGuard
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +24,7 @@ class RecordedTracks:
     arrays: what the core's replay is given.
     actors: int32, the tracks that a reset may draw: cars and trucks that are recorded for 1 s or more.
     scene_id, track_id: (track,) str as objects.
+    scene_number, track_number: (track,) int64, the scene among the scenes and the track within its scene.
     """
 
     scenes: Scenes
@@ -31,6 +32,8 @@ class RecordedTracks:
     actors: NDArray[np.int32]
     scene_id: NDArray[np.object_]
     track_id: NDArray[np.object_]
+    scene_number: NDArray[np.int64]
+    track_number: NDArray[np.int64]
     fastest: float
     """The highest recorded speed [m/s]."""
 
@@ -64,6 +67,8 @@ class RecordedTracks:
             np.array(actors, np.int32),
             np.array([scene.id for scene, _ in tracks], object),
             np.array([track.id for _, track in tracks], object),
+            np.array([number for number, scene in enumerate(scenes) for _ in scene.tracks], np.int64),
+            np.array([number for scene in scenes for number, _ in enumerate(scene.tracks)], np.int64),
             float(arrays["speed"].max()),
         )
 
@@ -75,6 +80,10 @@ class RecordedTracks:
         start = self.arrays["track_start"][inside]
         steps = np.diff(self.arrays["track_samples"])[inside]
         return inside[(start <= time) & (time < start + steps)]
+
+    def names(self, scene: SupportsInt, vehicle: SupportsInt) -> tuple[str, str]:
+        """The ids of the scene of this number, and of the track of that number in it."""
+        return self.scenes[int(scene)].id, self.scenes[int(scene)].tracks[int(vehicle)].id
 
     def choose(self, options: Mapping[str, Any], random: np.random.Generator) -> int:
         """The index of the track that options `scene` and `vehicle` (ids or numbers) name.

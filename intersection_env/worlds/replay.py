@@ -86,17 +86,7 @@ class ReplayWorlds(Worlds):
         self.is_recorded = str(gap) == "recording"
         decider = gap_decider("critical_gap" if self.is_recorded else gap)
         self.policy = _core.Policy(decider.text(), str(gap))
-        self.core = _core.Replay(
-            self.intersection.core,
-            self.policy,
-            self.is_recorded,
-            self.tracks.arrays,
-            self.tracks.actors,
-            worlds,
-            autoreset,
-            threads,
-            isa,
-        )
+        self.core = self._made(worlds)
         self._bind("action", "observation", "final_observation", "reward", "terminated", "truncated")
         self._bind("expert_observation", "expert_acceleration", "track", "time")
 
@@ -104,6 +94,13 @@ class ReplayWorlds(Worlds):
         """Begins one world's episode with this track, at its first recorded step."""
         self.core.start(world, track)
         self.is_reset = True
+
+    def _made(self, worlds: int) -> _core.Replay:
+        tracks = self.tracks
+        given = (self._arguments[name] for name in ("autoreset", "threads", "isa"))
+        return _core.Replay(
+            self.intersection.core, self.policy, self.is_recorded, tracks.arrays, tracks.actors, worlds, *given
+        )
 
 
 def _recorded(scenes: str | Path | Scenes, map: str | Path | Intersection | None) -> Scenes:

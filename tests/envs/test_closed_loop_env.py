@@ -7,12 +7,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+from gymnasium.error import ResetNeeded
 
 from intersection_env import ClosedLoopWorlds, Intersection, parallel_env
 from intersection_env.features import Driving
 from tests.conftest import MAP_NAMES
 from tests.support.doors import ALL_STILL, GAPS, episode
-from tests.support.episodes import gentle
+from tests.support.episodes import as_bytes, gentle
 from tests.support.single_lane_junction import single_lane_source
 
 
@@ -58,6 +59,25 @@ def test_collision_terminates_who_is_to_blame_and_truncates_the_others() -> None
     assert collisions > 5
 
 
+def test_ending_together_truncates_who_is_to_blame_too_and_changes_nothing_else() -> None:
+    """RLlib's wrapper ends an episode only where all agents are terminated or all are truncated."""
+    plain, together = parallel_env(), parallel_env(ends_together=True)
+    generators = [np.random.default_rng(0) for _ in range(2)]
+    collisions = 0
+    for start in range(20):
+        found = []
+        for environment, generator in zip((plain, together), generators, strict=True):
+            environment.reset(seed=start)
+            found.append(episode(environment, generator))
+        *_, (_, _, blamed, _, _) = found[1]
+        for step, (one, other) in enumerate(zip(*found, strict=True), 1):
+            truncations = one[3] if step < len(found[0]) else dict.fromkeys(blamed, True)
+            assert as_bytes((*other[:3], other[4])) == as_bytes((*one[:3], one[4]))
+            assert other[3] == truncations
+        collisions += any(blamed.values())
+    assert collisions > 5
+
+
 def test_reinserted_vehicle_is_flagged_with_what_it_saw_last() -> None:
     environment = parallel_env(vehicles=3)
     environment.reset(seed=2)
@@ -68,7 +88,8 @@ def test_reinserted_vehicle_is_flagged_with_what_it_saw_last() -> None:
             for agent, info in infos.items():
                 if info:
                     found += 1
-                    assert info["reinserted"] is True
+                    assert info["reinserted"] == np.True_
+                    assert info["reinserted"].dtype == np.bool_
                     assert observations[agent][Driving.DISTANCE_TO_STOP_LINE] > 0.0, "back before the line"
                     assert info["final_observation"][Driving.DISTANCE_TO_STOP_LINE] < 0.0, "was beyond it"
         environment.reset()
@@ -111,10 +132,54 @@ def test_infos_are_empty_but_after_a_reset_and_at_a_reinsertion() -> None:
     environment = parallel_env()
     observations, infos = environment.reset(seed=1)
     for agent in environment.possible_agents:
-        assert infos[agent]["reinserted"] is False
+        assert infos[agent]["reinserted"].dtype == np.bool_
+        assert not infos[agent]["reinserted"]
         assert (infos[agent]["final_observation"] == observations[agent]).all()
     *_, infos = environment.step(ALL_STILL)
     assert list(infos.values()) == [{}] * 12
+
+
+def test_state_is_what_all_see_beside_their_bodies_until_the_end() -> None:
+    environment = parallel_env(vehicles=3, max_cycles=30)
+    with pytest.raises(ResetNeeded, match="no state before the first reset"):
+        environment.state()
+    observations, _ = environment.reset(seed=1)
+    generator = np.random.default_rng(1)
+    routes = environment._worlds.intersection.routes
+    ends = 0
+    for _ in range(200):
+        state = environment.state()
+        assert state.dtype == np.float32
+        assert environment.state_space.contains(state)
+        bodies, seen = np.split(state.reshape(3, 17), [5], axis=1)
+        assert (seen == np.stack(list(observations.values()))).all()
+        core = {name: values[0] for name, values in environment._worlds.state().items()}
+        assert (bodies[:, 3] == core["length"]).all()
+        assert (bodies[:, 4] == core["width"]).all()
+        for place, route, position in zip(bodies, core["route"], core["position"], strict=True):
+            assert -np.pi <= place[2] <= np.pi
+            samples = routes[route].samples
+            nearest = samples[int(np.argmin(np.hypot(*(samples[:, :2] - place[:2]).T)))]
+            assert np.hypot(*(nearest[:2] - place[:2])) < 0.6
+            front = position + 0.5 * core["length"][0]
+            assert -1.0 < front < routes[route].length + 60.0
+        if not environment.agents:
+            ends += 1
+            observations, _ = environment.reset()
+        else:
+            observations, *_ = environment.step(gentle(environment, generator))
+    assert ends > 3
+
+
+def test_seed_determines_the_generator_for_wrappers() -> None:
+    environment = parallel_env(vehicles=2)
+    drawn = []
+    for seed in (3, 3, 4, None):
+        environment.reset(seed=seed)
+        drawn.append(environment.np_random.random())
+    assert drawn[0] == drawn[1]
+    assert len(set(drawn)) == 3
+    assert environment.np_random_seed == 4
 
 
 def test_end_can_be_brought_forward_within_an_episode() -> None:

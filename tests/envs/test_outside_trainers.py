@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import gymnasium
@@ -11,10 +12,12 @@ import torch
 from stable_baselines3 import PPO
 from stable_baselines3.common.env_checker import check_env
 from torch import nn
-from torchrl.envs import PettingZooWrapper
+from torchrl.data import Composite, Unbounded
+from torchrl.envs import GymWrapper, PettingZooWrapper, default_info_dict_reader
 from torchrl.envs.utils import check_env_specs
 
 from intersection_env import ClosedLoopWorlds, parallel_env
+from intersection_env.features import Driving
 
 REPLAY = "intersection_env/Replay-v0"
 
@@ -134,3 +137,50 @@ def test_pettingzoo_wrapper_gives_the_same_specs_and_numbers() -> None:
         own.action[:] = data["vehicle", "action"][step].squeeze(-1).numpy()
         own.step()
         np.testing.assert_array_equal(data["next", "vehicle", "reward"][step].squeeze(-1), own.reward[0])
+
+
+INFO_TYPES = {
+    "expert_observation": torch.float32,
+    "expert_acceleration": torch.float32,
+    "scene": torch.int64,
+    "vehicle": torch.int64,
+    "time": torch.float32,
+}
+
+
+def one_replay() -> GymWrapper:
+    return GymWrapper(gymnasium.make(REPLAY)).auto_register_info_dict()
+
+
+def three_replays() -> GymWrapper:
+    """In a vector, where TorchRL reads the last observations of episodes too, and wants to be told of other infos."""
+    wrapped = GymWrapper(gymnasium.make_vec(REPLAY, num_envs=3, autoreset_mode="SameStep"))
+    shapes = {name: (3, 12) if name == "expert_observation" else (3,) for name in INFO_TYPES}
+    specs = {name: Unbounded(shapes[name], dtype=dtype) for name, dtype in INFO_TYPES.items()}
+    return wrapped.set_info_dict_reader(default_info_dict_reader(list(specs), Composite(specs, shape=(3,))))
+
+
+@pytest.mark.parametrize("make", [one_replay, three_replays])
+def test_torchrl_reads_the_infos_of_the_replay(make: Callable[[], GymWrapper]) -> None:
+    wrapped = make()
+    check_env_specs(wrapped)
+    rollout = wrapped.rollout(30, break_when_any_done=False)
+    assert {name: rollout["next", name].dtype for name in INFO_TYPES} == INFO_TYPES
+    done = rollout["next", "done"].squeeze(-1)
+    going = ~done[..., 1:] & ~done[..., :-1]
+    assert going.sum() > 10
+    assert torch.allclose(rollout["next", "time"].diff(dim=-1)[going], torch.tensor(0.2), atol=1e-4)
+
+
+@pytest.mark.filterwarnings("ignore:PettingZoo in TorchRL:UserWarning")  # theirs: they test another version
+def test_torchrl_reads_infos_and_state_of_the_closed_loop() -> None:
+    wrapped = PettingZooWrapper(parallel_env(vehicles=3), use_mask=True, done_on_any=False, return_state=True)
+    check_env_specs(wrapped)
+    wrapped.set_seed(1)
+    rollout = wrapped.rollout(400, break_when_any_done=False)
+    assert rollout["state"].shape[1:] == (51,)
+    assert torch.equal(rollout["state"].unflatten(-1, (3, 17))[..., 5:], rollout["vehicle", "observation"])
+    info = rollout["next", "vehicle", "info"]
+    left = info["reinserted"].bool()
+    assert left.any()
+    assert (info["final_observation"][left][:, Driving.DISTANCE_TO_STOP_LINE] < 0.0).all(), "was beyond the line"

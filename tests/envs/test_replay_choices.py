@@ -35,13 +35,13 @@ def test_options_pick_scene_and_vehicle() -> None:
         {"scene": np.int64(4), "vehicle": np.int32(number)},
     ):
         observation, info = environment.reset(options=options)
-        assert (info["scene"], info["vehicle"]) == (scene.id, track.id)
+        assert environment.names(info) == (scene.id, track.id)
         given.append(as_bytes([observation, info, episode(environment, np.random.default_rng(0))]))
     assert len(set(given)) == 1
     drawn = set()
     for seed in range(20):
         _, info = environment.reset(seed=seed, options={"scene": 4})
-        assert info["scene"] == scene.id
+        assert environment.names(info)[0] == scene.id
         drawn.add(info["vehicle"])
         assert as_bytes(environment.reset(seed=seed, options={"scene": 4})[1]) == as_bytes(info)
     assert len(drawn) > 3
@@ -53,7 +53,7 @@ def test_vehicle_alone_is_enough_where_only_one_scene_has_it() -> None:
     ids, counts = np.unique(tracks.track_id[tracks.actors].astype(str), return_counts=True)
     all_counts = {str(id): int((tracks.track_id == id).sum()) for id in ids[:200]}
     alone = next(id for id, count in all_counts.items() if count == 1)
-    assert environment.reset(options={"vehicle": alone})[1]["vehicle"] == alone
+    assert environment.names(environment.reset(options={"vehicle": alone})[1])[1] == alone
     twice = next(id for id in tracks.track_id if (tracks.track_id == id).sum() > 1)
     with pytest.raises(ValueError, match=r'is in scenes .*; name one as option "scene"'):
         environment.reset(options={"vehicle": twice})
@@ -71,7 +71,7 @@ def test_bicycles_act_only_if_named() -> None:
         if track.road_user == "bicycle" and track.observed.sum() > 10
     )
     observation, info = environment.reset(options={"scene": scene.id, "vehicle": track.id})
-    assert info["vehicle"] == track.id
+    assert environment.names(info)[1] == track.id
     assert observation[Driving.V_MAX] == 5.0, "a bicycle's own top speed"
 
 
@@ -151,7 +151,8 @@ def test_scenes_of_another_map_or_version_are_refused(tmp_path: Path) -> None:
 def test_scenes_can_be_handed_over_and_none_that_act_are_refused() -> None:
     scenes = Scenes.load("bendplatz")
     one = replace(scenes, scenes=scenes.scenes[:1])
-    assert Replay(one, split=None).reset(seed=1)[1]["scene"] == scenes[0].id
+    environment = Replay(one, split=None)
+    assert environment.names(environment.reset(seed=1)[1])[0] == scenes[0].id
     empty = replace(scenes.scenes[0], tracks=tuple(replace(t, road_user="bicycle") for t in scenes.scenes[0].tracks))
     with pytest.raises(ValueError, match=r"none of the .* is a car or truck .*\d are, but they are bicycles"):
         Replay(replace(scenes, scenes=(empty,)), split=None)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from typing import Any
 
 import numpy as np
@@ -47,7 +48,9 @@ def test_environment_is_the_world_that_the_batched_worlds_have(gap: str) -> None
         assert (observation == worlds.observation[0]).all()
         assert (info["expert_observation"] == worlds.expert_observation[0]).all()
         assert info["expert_acceleration"] == worlds.expert_acceleration[0]
-        assert info["vehicle"] == worlds.tracks.track_id[worlds.track[0]]
+        scene, vehicle = environment.names(info)
+        assert vehicle == worlds.tracks.track_id[worlds.track[0]]
+        assert scene == worlds.tracks.scene_id[worlds.track[0]]
         action = generator.uniform(-0.4, 0.4, 1).astype(np.float32)
         worlds.action[:] = action
         worlds.step()
@@ -64,12 +67,12 @@ def test_infos_are_those_of_the_recording() -> None:
     generator = np.random.default_rng(0)
     for _ in range(10):
         _, info = environment.reset()
-        scene = environment.scenes[info["scene"]]
-        track = scene.track(info["vehicle"])
+        scene = environment.scenes[int(info["scene"])]
+        track = scene.tracks[info["vehicle"]]
         first = int(np.argmax(track.observed))
         assert info["time"] == pytest.approx(0.2 * (track.start + first))
         for number, (*_, after) in enumerate(episode(environment, generator), first + 1):
-            assert (after["scene"], after["vehicle"]) == (scene.id, track.id)
+            assert environment.names(after) == (scene.id, track.id)
             assert after["time"] == pytest.approx(0.2 * (track.start + number))
             now = min(number, len(track.speed) - 2)
             step = float(track.speed[now + 1] - track.speed[now]) / 0.2
@@ -83,8 +86,31 @@ def test_an_episode_begins_where_the_recorded_vehicle_was() -> None:
     for _ in range(20):
         observation, info = environment.reset()
         assert (observation == info["expert_observation"]).all()
-        assert type(info["scene"]) is str
-        json.dumps(info | {"expert_observation": info["expert_observation"].tolist()})
+        json.dumps({name: value.tolist() for name, value in info.items()})
+
+
+def test_infos_are_numpys_of_the_types_that_the_manual_names() -> None:
+    environment = Replay()
+    rows = re.findall(r"^ *\| `(\w+)` \| (?:\(12,\) )?(\w+) \| .* \|$", str(Replay.__doc__), flags=re.MULTILINE)
+    wanted = dict(rows[: len(environment.reset(seed=1)[1])])
+    *_, after = environment.step(np.zeros(1, np.float32))
+    for info in (environment.reset()[1], after):
+        assert {name: value.dtype.name for name, value in info.items()} == wanted
+        assert {name: np.shape(value) for name, value in info.items()} == {
+            name: (12,) if name == "expert_observation" else () for name in wanted
+        }
+
+
+def test_numbers_of_an_info_name_its_start_again() -> None:
+    environment = Replay()
+    observation, info = environment.reset(seed=9)
+    environment.reset()
+    numbers = {name: info[name] for name in ("scene", "vehicle")}
+    ids = dict(zip(numbers, environment.names(info), strict=True))
+    for options in (numbers, ids):
+        again, info_again = environment.reset(options=options)
+        assert (again == observation).all()
+        assert environment.names(info_again) == environment.names(info)
 
 
 def test_whoever_drives_like_the_recorded_vehicle_stays_with_it() -> None:
@@ -93,7 +119,7 @@ def test_whoever_drives_like_the_recorded_vehicle_stays_with_it() -> None:
     apart, columns = [], [Driving.DISTANCE_TO_STOP_LINE, Driving.SPEED]
     for _ in range(60):
         _, info = environment.reset()
-        track = environment.scenes[info["scene"]].track(info["vehicle"])
+        track = environment.scenes[int(info["scene"])].tracks[info["vehicle"]]
         speeds = track.speed[int(np.argmax(track.observed)) :]
         for change in np.diff(speeds)[:40]:
             observation, _, terminated, truncated, info = environment.step(np.array([change / 0.2 / 6.0], np.float32))
@@ -109,7 +135,7 @@ def test_standing_still_for_ever_ends_with_the_recording() -> None:
     environment.reset(seed=7)
     for _ in range(10):
         _, info = environment.reset()
-        track = environment.scenes[info["scene"]].track(info["vehicle"])
+        track = environment.scenes[int(info["scene"])].tracks[info["vehicle"]]
         steps = 0
         while True:
             *_, terminated, truncated, info = environment.step(np.array([-1.0], np.float32))

@@ -11,7 +11,7 @@ from gymnasium.error import InvalidAction, ResetNeeded
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
 from numpy.typing import NDArray
 
-from intersection_env import ReplayVector
+from intersection_env import Replay, ReplayVector
 from tests.support.episodes import WAYS, as_bytes
 
 ID = "intersection_env/Replay-v0"
@@ -130,7 +130,7 @@ def test_disabled_autoreset_waits_for_the_reset_of_those_that_ended() -> None:
     assert (observation[~done] == before[~done]).all()
     assert (observation[done] == infos["expert_observation"][done]).all()
     assert (infos["_scene"] == done).all()
-    assert all(scene is None for scene in infos["scene"][~done])
+    assert not infos["expert_observation"][~done].any()
     envs.step(action)
 
 
@@ -146,6 +146,73 @@ def test_masked_reset_with_a_seed_starts_the_masked_worlds_as_the_seed_says() ->
 def test_every_world_of_the_vector_has_a_stream_of_its_own() -> None:
     _, infos = ReplayVector(64).reset(seed=1)
     assert len(set(zip(infos["scene"], infos["vehicle"], strict=True))) > 48
+
+
+def test_each_world_of_listed_seeds_is_the_replay_with_its_own() -> None:
+    """And goes on as that one does, episode after episode; a world without a seed goes on where it was."""
+    seeds = [7, None, 3, 7]
+    envs, before = ReplayVector(4), ReplayVector(4)
+    for vector in (envs, before):
+        vector.reset(seed=1)
+    observation, infos = envs.reset(seed=seeds)
+    assert (observation[1] == before.reset()[0][1]).all()
+    replays = [(world, seed, Replay()) for world, seed in enumerate(seeds) if seed is not None]
+    for world, seed, one in replays:
+        assert (observation[world] == one.reset(seed=seed)[0]).all()
+    assert envs.names(infos)[0] == envs.names(infos)[3]
+    was_done = np.zeros(4, np.bool_)
+    ends = 0
+    generator = np.random.default_rng(0)
+    for _ in range(150):
+        action = generator.uniform(-0.4, 0.4, (4, 1)).astype(np.float32)
+        observation, reward, terminated, truncated, infos = envs.step(action)
+        for world, _, one in replays:
+            if was_done[world]:
+                seen, info = one.reset()
+            else:
+                seen, paid, *_, info = one.step(action[world])
+                assert reward[world] == paid
+            assert (observation[world] == seen).all()
+            assert envs.names(infos)[world] == one.names(info)
+        was_done = terminated | truncated
+        ends += int(was_done.sum())
+    assert ends > 4
+
+
+def test_listed_seeds_start_the_masked_worlds_alone() -> None:
+    envs, others = ReplayVector(3), ReplayVector(3)
+    for one in (envs, others):
+        one.reset(seed=1)
+    observation, _ = envs.reset(seed=[4, 5, 6], options={"reset_mask": np.array([True, False, True])})
+    plain, _ = others.reset(seed=[4, 5, 6])
+    assert (observation[[0, 2]] == plain[[0, 2]]).all()
+    assert (observation[1] == ReplayVector(3).reset(seed=1)[0][1]).all()
+
+
+@pytest.mark.parametrize(
+    ("seed", "error", "message"),
+    [
+        ([1, 2], ValueError, "^there are 2 seeds; wanted one for each of the 3 worlds$"),
+        ([1, 2.0, 3], TypeError, "^seed is 2.0; wanted a whole number$"),
+        ([1, None, -1], ValueError, "^seed is -1; wanted 0 to 2"),
+        (2.0, TypeError, "^seed is 2.0; wanted a whole number$"),
+    ],
+)
+def test_bad_seeds_of_a_vector_are_refused(seed: Any, error: type[Exception], message: str) -> None:
+    envs = ReplayVector(3)
+    with pytest.raises(error, match=message):
+        envs.reset(seed=seed)
+
+
+def test_seeds_determine_the_generator_for_wrappers() -> None:
+    drawn = []
+    for seed in (5, 5, [5, 6], [5, 6], [6, None]):
+        envs = ReplayVector(2)
+        envs.reset(seed=seed)
+        drawn.append(envs.np_random.random())
+    assert drawn[0] == drawn[1]
+    assert drawn[2] == drawn[3]
+    assert len(set(drawn)) == 3
 
 
 @pytest.mark.parametrize("bad", [np.zeros((4, 1)), np.zeros(4, np.float32), np.full((4, 1), np.nan, np.float32)])
