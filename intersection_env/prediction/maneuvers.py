@@ -88,10 +88,10 @@ def rank_maneuvers(
         `total_time_loss` and `worst_time_loss` (of any vehicle) [s], means by expectation; by expectation also
         `chance_worthwhile` (that the gain exceeds 2 s, if what happens with and without were drawn apart) and
         `chance_unsafe` (that the order is not followed, or bodies come nearer than 0.5 m); `worth_executing` (safe, and
-        a gain above 2 s), `minimum_distance` [m], `followed` (in the order's own prediction nobody enters a conflict before the vehicle
-        that the order puts first has cleared it) and `safe` (followed, and at least 0.5 m), by expectation those of the
-        most probable order; `intervention` (bool), `priorities` ((pair,) int8, as `Predictor.predict` takes them;
-        `Traffic.words` names them).
+        a gain above 2 s), `minimum_distance` [m], `followed` (in the order's own prediction nobody enters a conflict
+        before the vehicle that the order puts first has cleared it) and `safe` (followed, and at least 0.5 m), by
+        expectation those of the most probable order; `intervention` (bool), `priorities` ((pair,) int8, as
+        `Predictor.predict` takes them; `Traffic.words` names them).
 
     Raises:
         TypeError: `cooperative` is one id, not a collection of them.
