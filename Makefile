@@ -1,5 +1,5 @@
-# The commands of this project. `make demo` and `make test` each work as the first command on a machine
-# with Python 3.11+ and a C++ compiler.
+# The commands of this project; `make help` lists them. `make demo` and `make test` each work as the first command on a
+# machine with Python 3.11+ and a C++ compiler.
 
 PYTHON ?= python3
 VENV := .venv
@@ -13,70 +13,76 @@ MAP ?=
 MAPS := $(if $(MAP),--map $(MAP))
 SEEDS ?= 0 1 2
 
-.PHONY: demo setup check test harden bench reproduce ablations real train gap maps recordings recorded statistics pages format clean
+.PHONY: help versions demo setup check test harden bench reproduce ablations real train gap maps recordings recorded statistics pages format clean
 
-demo: $(VENV)/.package
+help: ## these lines
+	@sed -nE 's/^([a-z]+):.*## (.*)/\1\t\2/p' $(MAKEFILE_LIST) | expand -t 14
+
+demo: $(VENV)/.package ## from the recordings that ship: crossing orders ranked, pictures, an error table (out/demo)
 	$(RUN) -m experiments.demo --recordings $(RECORDINGS) $(if $(MAP),--map $(firstword $(MAP)))
 
-setup: $(VENV)/.development
+setup: $(VENV)/.development ## everything for development, into .venv
 
-check: setup
+check: setup ## ruff, mypy, clang-format
 	$(VENV)/bin/ruff check .
 	$(VENV)/bin/ruff format --check .
 	$(VENV)/bin/mypy
 	$(VENV)/bin/clang-format --dry-run -Werror $(CXX_SOURCES)
 
-test: setup
+test: setup ## all tests
 	$(RUN) -m pytest -n 2
 
 # The core made to fail: sanitizers, fuzzers, valgrind, clang, ARM64, a long soak; trainings shared by Ray; obedience.
-harden: setup
+harden: setup ## sanitizers, fuzzing, valgrind, other compilers; needs more packages (CONTRIBUTING.md)
 	bash .ci/harden
 
-bench: $(VENV)/.bench
+versions: $(VENV)/.tools ## the wheel with the lowest and the newest versions of what it needs, in environments of their own
+	bash .ci/versions
+
+bench: $(VENV)/.bench ## times predictor, environments and training beside others' work
 	$(RUN) -m experiments.bench
 
-maps: setup
+maps: setup ## compiles the maps that ship
 	$(RUN) -m intersection_env.maps
 
-recordings: setup
+recordings: setup ## simulates the recordings that ship
 	$(RUN) -m data.sumo
 
 # The scenes that ship in the wheel, from the recordings that ship.
-recorded: $(VENV)/.package
+recorded: $(VENV)/.package ## makes the scenes that ship
 	$(RUN) -m data.build data/recordings --out intersection_env/scenes
 
 # Every table and figure of the paper: trains, measures, writes experiments/results/report.html. Goes on where it was
 # interrupted.
-reproduce: setup
+reproduce: setup ## every table and figure of the paper; goes on where it was interrupted
 	$(RUN) -m experiments.reproduce --recordings $(RECORDINGS) $(MAPS) --seeds $(SEEDS)
 
 # What each part is worth, on the development recordings; trains first what is not trained yet.
-ablations: setup
+ablations: setup ## what each part is worth
 	$(RUN) -m experiments.reproduce.ablations --recordings $(RECORDINGS) $(MAPS) --seeds $(SEEDS)
 
 # All that ships, scored on somebody's recordings, on one page: out/real/real.html.
-real: setup
+real: setup ## all that ships, scored on somebody's recordings: RECORDINGS=folder MAP=mine.json
 	$(RUN) -m experiments.real --recordings $(RECORDINGS) $(MAPS)
 
 # The training half of `make reproduce`, whose policies then ship.
-train: setup
+train: setup ## the policies that ship
 	$(RUN) -m experiments.reproduce --recordings $(RECORDINGS) $(MAPS) --seeds $(SEEDS) --only training --ship
 
 # The gap network alone.
-gap: setup
+gap: setup ## the gap network alone, into runs/gap
 	rm -rf out/scenes
 	$(RUN) -m data.build $(RECORDINGS) $(MAPS) --out out/scenes
 	$(RUN) -m agents.gap default --scenes out/scenes/*.npz $(MAPS) --run runs/gap $(RESUME)
-	cp runs/gap/gap.policy intersection_env/policies/gap.policy
+	@echo "The gap.policy that ships stays as it is: forecasts belong to it (make train makes them anew, and ships)."
 
-statistics: $(VENV)/.package
+statistics: $(VENV)/.package ## what recordings are like
 	rm -rf out/scenes
 	$(RUN) -m data.build $(RECORDINGS) $(MAPS) --out out/scenes
 	$(RUN) -m data.describe.statistics out/scenes/*.npz $(MAPS)
 
 # Measures anew, and makes the pages of docs/ that are generated: results files and pictures first, then the pages.
-pages: demo reproduce bench
+pages: demo reproduce bench ## measures anew and makes the pages of docs/ that are generated
 	cp out/demo/errors.csv experiments/results/errors.csv
 	cp out/demo/positions.png docs/pictures/positions.png
 	cp out/demo/forecast.png docs/pictures/forecast.png
@@ -88,12 +94,12 @@ pages: demo reproduce bench
 	$(RUN) -m experiments.documentation.environments
 	$(RUN) -m experiments.documentation.results
 
-format: setup
+format: setup ## formats Python and C++
 	$(VENV)/bin/ruff check --fix .
 	$(VENV)/bin/ruff format .
 	$(VENV)/bin/clang-format -i $(CXX_SOURCES)
 
-clean:
+clean: ## removes .venv, build, dist and out
 	rm -rf $(VENV) build dist out
 
 $(VENV)/.tools: constraints.txt

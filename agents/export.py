@@ -8,7 +8,9 @@ from __future__ import annotations
 
 import argparse
 import json
+import logging
 import sys
+import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -123,8 +125,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if out.suffix != suffix:
             raise ValueError(f'--out must end in {suffix}, not "{out}"')
         check_writable(out)
+        logging.getLogger("torch.onnx").setLevel(logging.ERROR)  # it tells of packages that are not needed
         policy, name = policy_named(options.policy)
-        FORMS[options.to](exported, policy, out)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", FutureWarning)  # torch's own
+            FORMS[options.to](exported, policy, out)
     except (OSError, ValueError) as error:
         print(f"error: {error}", file=sys.stderr)
         return 1

@@ -38,6 +38,8 @@ class RunFolder:
     path: Path
     tensorboard: bool = False
     """Whether metrics go to TensorBoard's event files too; these hold an epoch twice where a run was resumed."""
+    resume: bool = False
+    """Whether it was asked to go on with a run that is there."""
 
     @classmethod
     def begin(
@@ -68,12 +70,12 @@ class RunFolder:
                 raise ValueError(f"{path} holds a run already: choose another --run, or go on with it by --resume")
             stored = json.loads(config.read_text(encoding="utf-8"))
             _same(config, {**stored["settings"], "data": stored["data_sha256"]}, {**wanted["settings"], "data": data})
-            return cls(path, tensorboard)
+            return cls(path, tensorboard, resume)
         versions = {name: version(name) for name in ("intersection_env", "numpy", "tensordict", "torch", "torchrl")}
         with written_whole(config) as temporary:
             about = {**wanted, "versions": {"python": platform.python_version(), **versions}}
             temporary.write_text(json.dumps(about, indent=1) + "\n", encoding="utf-8")
-        return cls(path, tensorboard)
+        return cls(path, tensorboard, resume)
 
     def append(self, row: Mapping[str, Any]) -> None:
         """Adds a line to the metrics; `row` has its epoch under "epoch"."""

@@ -81,6 +81,12 @@ class Epochs:
             for name, part in parts.items():
                 _restore(part, state[name])
             self.epoch = int(state["epoch"])
+        if self._folder and self._folder.resume:
+            goes_on = f"goes on after epoch {self.epoch} of {self.count}"
+            print(
+                f"--resume {self._folder.path}: {goes_on if state else 'no checkpoint there yet: begins anew'}",
+                flush=True,
+            )
 
     def __iter__(self) -> Iterator[int]:
         bar = tqdm(

@@ -22,7 +22,7 @@ from data.maps.source_of import Imported, source_of
 from data.maps.source_text import source_text
 from intersection_env.command import run_command
 from intersection_env.files import check_writable, written_whole
-from intersection_env.maps.source import LARGEST, MapSource
+from intersection_env.maps.source import LARGEST, MapSource, check_locations, check_name
 
 ENOUGH = 0.6  # ours: where so many cars drive on lanes already, the map lies where it should
 READ = 3  # ours: so many recordings show where a map lies
@@ -50,6 +50,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if options.out.suffix != ".json":
             raise ValueError(f'--out must end in .json, not "{options.out}"')
         check_writable(options.out)
+        name = check_name(options.name or options.out.stem)
+        check_locations(options.locations)
         around = None if options.around is None else _circle(options.around)
         lane_map = _read(options.file, options.origin)
         if options.shift is not None:
@@ -57,7 +59,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if options.recordings is not None:
             lane_map = _placed(lane_map, options.recordings)
         _check_metres(options.file, lane_map)
-        imported = source_of(lane_map, options.name or options.out.stem, around, options.locations)
+        imported = source_of(lane_map, name, around, options.locations)
         about = f"From {options.file.name} (python -m data.maps), around {imported.circle}; {lane_map.origin}."
         with written_whole(options.out) as temporary:
             temporary.write_text(source_text(imported.content(about)), encoding="utf-8")

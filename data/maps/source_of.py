@@ -18,9 +18,10 @@ from data.maps.right_of_way import rights_of_arms, yields_by_rule
 from data.maps.room import length_of, with_room
 from data.maps.smooth import polyline, telling
 from data.maps.stop_lines import with_stop_lines
-from intersection_env.maps.compiler import Encounter, encounters
+from intersection_env.maps.compiler import Encounter, compile_map, encounters
 from intersection_env.maps.source import FORMAT, VERSION, Arm, Lane, MapSource, RouteSource
 
+OFFERED = 12  # ours: of so many junctions it is tried whether a source can be made of them
 LIMIT = 50.0  # [km/h], ours: guessed where the map says none
 SHORT = 20.0  # [m], ours: an approach shorter than this leaves no room for who waits there
 
@@ -77,7 +78,10 @@ def source_of(lane_map: LaneMap, name: str, around: Circle | None, locations: Se
     Raises:
         ValueError: no junction is found, several are and none is chosen, or no lane leads through it.
     """
-    circle = chosen(junctions(meetings(lane_map)), around)
+    circles = junctions(meetings(lane_map))
+    if around is None and len(circles) > 1:
+        circles = _usable(lane_map, name, circles) or circles
+    circle = chosen(circles, around)
     lane_map, inside = cut_at_junction(lane_map, circle)
     counts = Counter({f"lanelet: {why}": count for why, count in lane_map.left_out.items()})
     counts.update({f"not read: {what}": count for what, count in lane_map.ignored.items()})
@@ -102,6 +106,18 @@ def source_of(lane_map: LaneMap, name: str, around: Circle | None, locations: Se
         if len(_chain(source, one)) == 1 and length_of(source.lanes[one]) < SHORT
     ]
     return Imported(source, circle, guessed, counts)
+
+
+def _usable(lane_map: LaneMap, name: str, circles: Sequence[Circle]) -> list[Circle]:
+    """Of the junctions with most crossings, those of which a source can be made."""
+    found = []
+    for circle in circles[:OFFERED]:
+        try:
+            compile_map(source_of(lane_map, name, circle).source)
+        except ValueError:
+            continue
+        found.append(circle)
+    return found
 
 
 def _loose_joints(lane_map: LaneMap, ways: Mapping[str, Way]) -> list[str]:

@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agents.training.options import Maps
+from experiments.measure.recorded import places_of
 from experiments.results_files import check_outputs, write_result
 from experiments.show.crossing_order import (
     BASELINES,
@@ -37,7 +38,7 @@ from intersection_env.evaluation.places import moments_in
 from intersection_env.evaluation.recorded_order import recorded_order
 from intersection_env.prediction.measures import crossing_order
 from intersection_env.prediction.predictor import Predictor
-from intersection_env.scenes.places import PAPERS_SCENES, load_places
+from intersection_env.scenes.places import PAPERS_SCENES
 
 Flags = NDArray[np.bool_]
 
@@ -181,7 +182,7 @@ def main(options: Options) -> int:
     out = options.out / f"order_{options.split}.json"
     try:
         check_outputs(out)
-        moments, refused = moments_in(load_places(options.scenes, options.map), options.split)
+        moments, refused = moments_in(places_of(options.scenes, options.map, options.split), options.split)
         results = order_results([Predictor.load(policy) for policy in options.policies], moments)
         content = {"split": options.split, "refused": len(refused), **results}
         print(order_table(results))

@@ -21,6 +21,7 @@ import numpy as np
 
 from experiments.measure.driven_plans import Order, Plan, jobs_of, plan_of
 from experiments.measure.driven_scores import REAL, Samples, differences, noise_figures, ranking_figures
+from experiments.measure.recorded import places_of
 from experiments.models.driven_on import Driven, driven_on
 from experiments.models.from_trajectories import lost_time, minimum_distance, prediction_of_trajectories
 from experiments.results_files import check_outputs, write_result
@@ -33,7 +34,6 @@ from intersection_env.policies.named import DEFAULT
 from intersection_env.prediction.maneuvers import RANKED_BY
 from intersection_env.prediction.measures import crossing_order
 from intersection_env.prediction.predictor import Predictor
-from intersection_env.scenes.places import load_places
 from intersection_env.traffic import Traffic
 
 LEAST_DISTANCE = 0.5  # [m], below which an order is unsafe
@@ -186,7 +186,7 @@ def main(options: Options) -> int:
     out = options.out / f"driven_gain_{options.split}.json"
     try:
         check_outputs(out, options.figure)
-        moments, _ = moments_in(load_places((options.scenes,), ()), options.split)
+        moments, _ = moments_in(places_of((options.scenes,), (), options.split), options.split)
         chosen = thinned(contested(moments), options.moments)
         results = driven_results(Predictor.load(options.policy), chosen, options.seed)
         print(driven_text(results))

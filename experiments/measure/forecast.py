@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from agents.orders.samples import order_samples
 from agents.training.options import Maps
 from experiments.measure.order_chances import CLOSEST, Learned, OrderChances, order_chances
+from experiments.measure.recorded import places_of
 from experiments.results_files import check_outputs, write_result
 from experiments.show.crossing_order import POPULATIONS
 from experiments.show.forecast import CHANCES, JOINT, SUMO_RULE, forecast_text, plot_reliability
@@ -29,7 +30,7 @@ from intersection_env.plots.files import write_figure
 from intersection_env.policies.named import DEFAULT
 from intersection_env.prediction.forecast import forecast
 from intersection_env.prediction.predictor import Predictor
-from intersection_env.scenes.places import ALL_SCENES, load_places
+from intersection_env.scenes.places import ALL_SCENES
 from intersection_env.scenes.scenes import Scenes
 
 LEVELS = np.arange(1, 20) / 20.0
@@ -198,7 +199,7 @@ def main(options: Options) -> int:
     out = options.out / f"forecast_{options.split}.json"
     try:
         check_outputs(out, options.figure)
-        places, predictor = load_places(options.scenes, options.map), Predictor.load(options.policy)
+        places, predictor = places_of(options.scenes, options.map, options.split), Predictor.load(options.policy)
         if not predictor.core_policy.can_forecast:
             raise ValueError(f'the policy "{predictor.name}" holds no order network')
         results: Mapping[str, Any] = forecast_results(predictor, places, options.split)

@@ -12,6 +12,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any, Literal
 
@@ -26,6 +27,7 @@ from agents.training.interrupt import Interrupted
 from agents.training.options import Maps
 from experiments.measure.gap_acceptance import acceptance_curves, chances, seen_gap
 from experiments.measure.gap_scores import FOES, Tally, compare, pooled, tally
+from experiments.measure.recorded import places_of
 from experiments.results_files import check_outputs, write_result
 from experiments.show.gap import BINS, NETWORK, measures_table, plot_acceptance
 from intersection_env.evaluation.intervals import COVERAGE, RESAMPLES
@@ -107,7 +109,8 @@ def main(options: Options) -> int:
             raise ValueError("--figure shows one network, and with --folds there are several; leave one of them out")
         out = options.out / f"gap_{'folds' if options.folds else options.split}.json"
         check_outputs(out, options.figure)
-        places = load_places(options.scenes, options.map)
+        load = load_places if options.folds else partial(places_of, split=options.split)
+        places = load(options.scenes, options.map)
         content: dict[str, Any] = {"bins": BINS, "resamples": RESAMPLES, "coverage": COVERAGE}
         if options.folds:
             samples = gap_samples(places)[0]

@@ -22,6 +22,7 @@ from tqdm import tqdm
 from agents.training.options import Maps
 from experiments.measure.forecasters import MeanOverOrders, MostProbableOrder
 from experiments.measure.order_handed_in import OrderHandedIn
+from experiments.measure.recorded import places_of
 from experiments.results_files import check_outputs, write_result
 from experiments.show.horizon import QUANTITIES, errors_text, order_handed_in_text, plot_errors
 from intersection_env.constants import DT, STEPS
@@ -42,7 +43,7 @@ from intersection_env.evaluation.moments import HORIZONS, Moment
 from intersection_env.evaluation.places import moments_in
 from intersection_env.plots.files import write_figure
 from intersection_env.prediction.predictor import Predictor
-from intersection_env.scenes.places import PAPERS_SCENES, load_places
+from intersection_env.scenes.places import PAPERS_SCENES
 
 Names = NDArray[np.str_]
 
@@ -233,7 +234,7 @@ def main(options: Options) -> int:
     out = options.out / f"horizon_{options.split}.json"
     try:
         check_outputs(out, options.figure)
-        moments, refused = moments_in(load_places(options.scenes, options.map), options.split)
+        moments, refused = moments_in(places_of(options.scenes, options.map, options.split), options.split)
         models, informed = ([Predictor.load(one) for one in of] for of in (options.policies, options.order_handed_in))
         forecasts = [
             form(Predictor.load(one)) for one in options.forecasting for form in (MostProbableOrder, MeanOverOrders)

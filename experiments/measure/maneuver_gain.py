@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agents.training.options import Maps
+from experiments.measure.recorded import places_of
 from experiments.results_files import check_outputs, write_result
 from experiments.show.maneuver_gain import gain_table, plot_gain
 from intersection_env.evaluation.intervals import interval
@@ -28,7 +29,7 @@ from intersection_env.plots.files import write_figure
 from intersection_env.policies.named import DEFAULT
 from intersection_env.prediction.maneuvers import COUNT_LIMIT, LIMIT, rank_maneuvers
 from intersection_env.prediction.predictor import Predictor
-from intersection_env.scenes.places import PAPERS_SCENES, load_places
+from intersection_env.scenes.places import PAPERS_SCENES
 from intersection_env.traffic import Traffic
 
 SHARES = tuple(tenth / 10 for tenth in range(1, 11))  # of the vehicles that take instructions
@@ -175,7 +176,7 @@ def main(options: Options) -> int:
     out = options.out / f"maneuvers_{options.split}.json"
     try:
         check_outputs(out, options.figure)
-        moments, _ = moments_in(load_places(options.scenes, options.map), options.split)
+        moments, _ = moments_in(places_of(options.scenes, options.map, options.split), options.split)
         chosen = thinned(contested(moments), options.moments)
         results = maneuver_results(Predictor.load(options.policy), chosen, options.seed, options.limit)
         print(gain_table(results))

@@ -14,11 +14,12 @@ from pathlib import Path
 from typing import Literal
 
 from agents.training.options import Maps
+from experiments.measure.recorded import places_of
 from experiments.models.sumo_predictor import predictions
 from intersection_env.evaluation.errors import evaluate
 from intersection_env.evaluation.places import moments_in
 from intersection_env.prediction.predictor import Predictor
-from intersection_env.scenes.places import PAPERS_SCENES, load_places
+from intersection_env.scenes.places import PAPERS_SCENES
 
 
 @dataclass(frozen=True)
@@ -36,7 +37,7 @@ class Options:
 def main(options: Options) -> int:
     """Prints the errors; returns the exit status."""
     try:
-        moments, _ = moments_in(load_places(options.scenes, options.map), options.split)
+        moments, _ = moments_in(places_of(options.scenes, options.map, options.split), options.split)
         begin = time.perf_counter()
         sumo = predictions([one.traffic for one in moments])
     except (OSError, ValueError, ModuleNotFoundError) as error:

@@ -22,6 +22,7 @@ from tqdm import tqdm
 from agents.networks.export import driving_network
 from agents.rollouts.validation_run import STEPS, ValidationRun, validation_run
 from agents.training.options import Maps
+from experiments.measure.recorded import places_of
 from experiments.results_files import check_outputs, write_result
 from experiments.show.validation_run import plot_accelerations, runs_text
 from imitation.expert import expert_steps
@@ -30,7 +31,7 @@ from intersection_env.evaluation.intervals import COVERAGE
 from intersection_env.maps.intersection import Intersection
 from intersection_env.plots.files import write_figure
 from intersection_env.prediction.predictor import Predictor
-from intersection_env.scenes.places import PAPERS_SCENES, load_places
+from intersection_env.scenes.places import PAPERS_SCENES
 
 SEED = 2**41  # of no training
 VEHICLES = 12
@@ -135,7 +136,7 @@ def main(options: Options) -> int:
     """Measures as told, prints the table, writes the results; returns the exit status."""
     torch.set_num_threads(1)  # such small networks gain nothing from more
     try:
-        places = load_places(options.scenes, options.map)
+        places = places_of(options.scenes, options.map, options.split)
         if options.figure and len(places) > 1:
             raise ValueError("--figure shows one place, and there are several --scenes; leave one of them out")
         outs = {

@@ -77,8 +77,8 @@ class SumoPredictor:
     def _restore(self, traffic: Traffic) -> None:
         """Puts the vehicles into an empty SUMO.
 
-        The network is loaded anew: after `loadState` lanes that were occupied before stay asleep, and the random
-        numbers go on where they were.
+        The network is loaded anew: after `loadState` of an empty state the random numbers would go on where they were,
+        and the same traffic be predicted otherwise.
         """
         self._sumo.load(self._command[1:])
         is_bicycle = np.isfinite(traffic.max_speed)

@@ -112,9 +112,7 @@ class MapSource:
         if content.get("version") != VERSION:
             raise ValueError(f'"version" is {content.get("version")!r}, this package reads {VERSION}')
         _known_keys("the map source", content, KEYS)
-        name = content.get("name")
-        if not isinstance(name, str) or not _is_word(name):
-            raise ValueError(f'"name" must be one word, not {name!r}')
+        name = check_name(content.get("name"))
         arms = {key: _arm(key, value) for key, value in _entries(content, "arms").items()}
         lanes = {key: _lane(key, value) for key, value in _entries(content, "lanes").items()}
         stop_lines = {key: _stop_line(key, value, lanes) for key, value in _entries(content, "stop_lines").items()}
@@ -124,7 +122,7 @@ class MapSource:
         for route in routes:
             _check_directions(route, lanes)
         yields = _yields(content.get("yields", []), {route.id for route in routes})
-        return cls(name, _locations(content.get("locations", [])), arms, lanes, stop_lines, routes, yields)
+        return cls(name, check_locations(content.get("locations", [])), arms, lanes, stop_lines, routes, yields)
 
     def pieces(self, route: RouteSource) -> list[Piece]:
         """The route's lanes and the curves between them, in driving order and without gaps."""
@@ -300,7 +298,23 @@ def _check_directions(route: RouteSource, lanes: dict[str, Lane]) -> None:
                 )
 
 
-def _locations(value: Any) -> tuple[int, ...]:
+def check_name(value: Any) -> str:
+    """A map's name.
+
+    Raises:
+        ValueError: it is not one word.
+    """
+    if not isinstance(value, str) or not _is_word(value):
+        raise ValueError(f'"name" must be one word, not {value!r}')
+    return value
+
+
+def check_locations(value: Any) -> tuple[int, ...]:
+    """A map's locations.
+
+    Raises:
+        ValueError: they are no list of such numbers.
+    """
     if not isinstance(value, list) or not all(type(one) is int and 0 <= one <= MOST_LOCATION for one in value):
         raise ValueError(f'"locations" must be a list of integers from 0 to {MOST_LOCATION}, not {value!r}')
     return tuple(value)

@@ -27,6 +27,7 @@ from tests.support.trainings import (
     disk_full_from,
     files,
     killed,
+    terminated,
     told_to_end_after,
     trainer_of,
 )
@@ -98,6 +99,30 @@ def test_run_told_to_end_by_a_signal_ends_like_an_unbroken_one(
     assert torch.load(broken.run / CHECKPOINT)["epoch"] == 5, "the epoch under way is finished first"
     assert trainer.main(replace(broken, resume=True)) == 0
     assert trainer.outcome(broken.run) == wanted
+
+
+def test_a_process_that_got_sigterm_goes_on_from_its_last_epoch(
+    trainer: Trainer, name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Long before a checkpoint is due."""
+    settings = replace(trainer.settings, run=tmp_path / "run", epochs=LONG[name], checkpoint_every=10_000)
+    assert terminated(trainer.main, settings) == 143
+    left = torch.load(settings.run / CHECKPOINT)["epoch"]
+    assert 0 < left < LONG[name]
+    capsys.readouterr()
+    with told_to_end_after(left + 1):
+        assert trainer.main(replace(settings, resume=True)) == 130
+    assert f"--resume {settings.run}: goes on after epoch {left} of {LONG[name]}" in capsys.readouterr().out
+    epochs = [json.loads(line)["epoch"] for line in (settings.run / METRICS).read_text().splitlines()]
+    assert epochs == list(range(1, left + 3))
+
+
+def test_resuming_where_nothing_is_says_so(
+    trainer: Trainer, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    settings = replace(trainer.settings, run=tmp_path / "run", epochs=1, resume=True)
+    assert trainer.main(settings) == 0
+    assert f"--resume {settings.run}: no checkpoint there yet: begins anew" in capsys.readouterr().out
 
 
 def test_the_seed_decides_the_result(trainer: Trainer, tmp_path: Path) -> None:

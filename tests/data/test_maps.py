@@ -323,3 +323,27 @@ def test_the_written_source_has_a_line_for_each_lane_and_route(tmp_path: Path) -
     content = json.loads(text)
     assert content["routes"]["E-W"].keys() == {"approach", "exit", "inside"}
     assert "around" in content["about"]
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (("--name", "two words"), "error: \"name\" must be one word, not 'two words'"),
+        (("--locations", "-1"), 'error: "locations" must be a list of integers'),
+    ],
+)
+def test_arguments_are_checked_before_the_map_is_read(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], options: tuple[str, ...], message: str
+) -> None:
+    assert main([str(tmp_path / "nowhere.osm"), "--out", str(tmp_path / "out.json"), *options]) == 1
+    assert capsys.readouterr().err.startswith(message)
+
+
+def test_a_junction_of_which_no_source_can_be_made_is_not_offered(tmp_path: Path) -> None:
+    """Beside the junction, ways that cross and come from nowhere."""
+    one, other = junction(), junction().moved(400.0, 30.0)
+    crossing = {
+        id + 5000: replace(drawn, id=id + 5000, successors=()) for id, drawn in other.lanelets.items() if id >= 1000
+    }
+    source = imported(tmp_path, Junction(one.lanelets | crossing))
+    assert {route.id for route in source.routes} == ALL

@@ -13,6 +13,7 @@ import pandas as pd
 import pytest
 
 import intersection_env
+from agents.export import main as export
 from data.build import build
 from experiments.documentation.results import PAGE, README, RESULTS, ROOT, filled, page, readme, with_tables
 from experiments.measure.crossing_order import order_results
@@ -85,8 +86,14 @@ def test_a_template_without_a_place_for_each_table_is_refused() -> None:
 
 
 @pytest.mark.parametrize("path", [README, *DOCS], ids=name_of)
-def test_code_on_a_page_runs_and_prints_what_follows_it(path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_code_on_a_page_runs_and_prints_what_follows_it(
+    path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
     """A block of Python goes on from the ones before it; a block of text right after it is what it prints."""
+    if path.name == "export.md":  # it goes on from a command
+        monkeypatch.chdir(tmp_path)
+        assert export(["rollout_gradient", "--network", "driving", "--to", "onnx", "--out", "driving.onnx"]) == 0
+        capsys.readouterr()
     namespace: dict[str, Any] = {}
     for code, printed in re.findall(r"```python\n(.*?)```\n(?:```text\n(.*?)```)?", path.read_text(), re.DOTALL):
         exec(compile(code, path.name, "exec"), namespace)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import multiprocessing
 import signal
+import sys
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
@@ -173,6 +174,26 @@ def killed(main: Callable[[Any], int], settings: Any, kills: int = 3) -> None:
         process.kill()
         process.join()
         assert process.exitcode == -9, "the training was over before it was killed"
+
+
+def terminated(main: Callable[[Any], int], settings: Any) -> int | None:
+    """Runs a training in a process of its own and sends it SIGTERM after its first epoch; the exit status."""
+    context = multiprocessing.get_context("forkserver")
+    context.set_forkserver_preload(["tests.support.trainings"])
+    process = context.Process(target=_exit_with, args=(main, settings))
+    process.start()
+    end = time.monotonic() + PATIENCE
+    while not (settings.run / METRICS).exists():
+        assert process.is_alive(), "the training ended before its first epoch"
+        assert time.monotonic() < end, "no epoch ends"
+        time.sleep(0.002)
+    process.terminate()
+    process.join()
+    return process.exitcode
+
+
+def _exit_with(main: Callable[[Any], int], settings: Any) -> None:
+    sys.exit(main(settings))
 
 
 @contextmanager
