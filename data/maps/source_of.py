@@ -18,7 +18,8 @@ from data.maps.right_of_way import rights_of_arms, yields_by_rule
 from data.maps.room import length_of, with_room
 from data.maps.smooth import polyline, telling
 from data.maps.stop_lines import with_stop_lines
-from intersection_env.maps.compiler import Encounter, encounters
+from intersection_env.maps.compiler import encounters
+from intersection_env.maps.conflicts import Encounter
 from intersection_env.maps.source import FORMAT, VERSION, Arm, Lane, MapSource, RouteSource
 
 LIMIT = 50.0  # [km/h], ours: guessed where the map says none
