@@ -32,7 +32,7 @@ from intersection_env.command import run_command
 from intersection_env.constants import DT
 from intersection_env.evaluation.empty_road import EmptyRoad, empty_road
 from intersection_env.features import Driving
-from intersection_env.maps.intersection import Intersection, shipped_maps
+from intersection_env.maps.intersection import Intersection, recorded_maps
 from intersection_env.policies.named import gap_decider
 from intersection_env.prediction.predictor import Predictor
 
@@ -49,7 +49,7 @@ class PpoSettings:
     """The run folder."""
     resume: bool = False
     """Go on with the run in that folder."""
-    map: tuple[str, ...] = shipped_maps()
+    map: tuple[str, ...] = recorded_maps()
     """Names or files of maps, each in an equal share of the worlds."""
     gaps: tuple[str, ...] = ("gap", "critical_gap")
     """Who decides about gaps, each in an equal share of each map's worlds: policies with a gap network (name or file),

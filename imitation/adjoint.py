@@ -94,11 +94,12 @@ class _Steps(NamedTuple):
         known, place = model.vehicles, (moment, vehicle)
         lead = seen.lead[where]
         beside = (moment, vehicle, lead)
+        further = seen.further[where]
         position, speed = (one[where].requires_grad_(True) for one in begin[:2])
         lead_position, lead_speed = (one[step, moment, lead].requires_grad_(True) for one in begin[:2])
         limit, headings = model.tables.road(known.route[place], position)
         follows = seen.view.to_lead[where] < LEAD_RANGE
-        gap = lead_position - model.offset[beside] - position - model.half_lengths[beside]
+        gap = lead_position - further - position - model.half_lengths[beside]
         view = View(
             model.stop_line[place] - known.half_length[place] - position,
             speed,
@@ -150,14 +151,15 @@ def _effects(rollout: Rollout, seen: Seen, steps: _Steps, error: Error) -> tuple
 def _by_acceptance(model: TorchPredictor, assignment: Tensor, begin: Rollout, seen: Seen, steps: _Steps) -> Tensor:
     """0 everywhere, with the gap network's gradients: of what going instead of waiting changes, where that is open."""
     remembered = torch.cat([model.vehicles.delta.expand(begin.enters[:1].shape), begin.enters[:-1]])
-    pairs = model.pairs(assignment, seen, begin.position, begin.present, remembered)
+    stopped = model.at_stop(seen).cummax(0).values
+    pairs = model.pairs(assignment, seen, begin.position, begin.present, remembered, stopped)
     chosen = pairs.free.nonzero(as_tuple=True)
     logit = torch.zeros(pairs.free.shape).index_put(chosen, model.networks.gap(pairs.gap[chosen]))
     with torch.no_grad():
         open_ = _open(model, begin, seen, pairs, logit)
         otherwise = steps.spread(steps.otherwise - steps.acceleration, begin.position)
         gained = torch.where(begin.enters, -otherwise, otherwise)
-        gained = torch.where(pairs.told | pairs.kept | pairs.settled, 0.0, gained)
+        gained = torch.where(pairs.told | pairs.kept | pairs.settled | pairs.stops, 0.0, gained)
     log = torch.where(open_, logsigmoid(logit), 0.0)
     accepts = torch.zeros_like(begin.position).scatter_add(-1, pairs.i, log).exp()
     return gained * (accepts - accepts.detach())
@@ -168,7 +170,7 @@ def _open(model: TorchPredictor, begin: Rollout, seen: Seen, pairs: Pairs, logit
     hold = torch.full(begin.enters.shape[1:], -1)
     every = []
     for step in range(len(begin.enters)):
-        now = Seen(View(*(one[step] for one in seen.view)), seen.rear[step], seen.lead[step])
+        now = Seen(View(*(one[step] for one in seen.view)), *(one[step] for one in seen[1:]))
         own = Pairs(*(one[step] for one in pairs))
         held = model.held(own, logit[step], hold)
         hold = model.next_hold(now, own, held, begin.enters[step], hold)

@@ -21,11 +21,13 @@ class MapTables:
 
     begin: of each map by checksum, the place of its first route in the row.
     number, route_count: (route,) its index on its own map, and how many routes that has.
-    stop_line, length: (route,) [m]. stop_lane: (route,), no two maps share one.
-    split, merge, offset: (route, route) how a vehicle on the row's route follows one on the column's: before the split,
-        or once that one's front is beyond the merge; at equal arc lengths, or with this offset [m].
-    own_begin, own_end: (route, route) [m], the conflict's interval on the row's route with the column's; `NOWHERE`
-        where they have none.
+    stop_line, length: (route,) [m]. must_stop: (route,) bool, before that line. stop_lane: (route,), no two maps share
+        one.
+    lane_begin, lane_end, offset: (route, route, lane) how a vehicle on the row's route follows one on the column's in a
+        lane that they share: once that one's front is beyond its begin, and until one of their rears is at its end, on
+        the row's route, that one's position being more by the offset [m].
+    on_yielder, on_prioritized: (2, route, route) [m], begin and end of the conflict in which the row's route yields to
+        the column's, on the one and on the other; `NOWHERE` where they have none.
     """
 
     begin: dict[str, int]
@@ -33,12 +35,13 @@ class MapTables:
     route_count: Tensor
     stop_line: Tensor
     length: Tensor
+    must_stop: Tensor
     stop_lane: Tensor
-    split: Tensor
-    merge: Tensor
+    lane_begin: Tensor
+    lane_end: Tensor
     offset: Tensor
-    own_begin: Tensor
-    own_end: Tensor
+    on_yielder: Tensor
+    on_prioritized: Tensor
     _first: Tensor
     _last: Tensor
     _samples: Tensor
@@ -46,7 +49,14 @@ class MapTables:
 
     @classmethod
     def of(cls, maps: Sequence[Intersection]) -> MapTables:
-        """The tables of some maps, each once."""
+        """The tables of some maps, each once.
+
+        Raises:
+            ValueError: a map with an all-way stop, of which the model in torch knows nothing.
+        """
+        for one in maps:
+            if any(conflict.by_arrival for conflict in one.conflicts):
+                raise ValueError(f'map "{one.name}" has an all-way stop, which the model in torch does not know')
         cores = [one.core for one in maps]
         counts = [len(core.routes) for core in cores]
         begins = [0, *np.cumsum(counts).tolist()]
@@ -60,6 +70,7 @@ class MapTables:
             route_count=torch.tensor([count for count in counts for _ in range(count)]),
             stop_line=torch.tensor([route.stop_line for route in routes]),
             length=torch.tensor([route.length for route in routes]),
+            must_stop=torch.tensor([route.must_stop for route in routes]),
             stop_lane=torch.tensor(
                 [first + lane for first, own in zip(first_lanes, lanes, strict=False) for lane in own]
             ),
@@ -91,26 +102,28 @@ def _samples(core: _core.Map, route: int) -> Tensor:
 
 
 def _following(cores: Sequence[_core.Map], begins: Sequence[int]) -> dict[str, Tensor]:
-    count = begins[-1]
-    split, merge = torch.full((count, count), -torch.inf), torch.full((count, count), torch.inf)
-    offset = torch.zeros(count, count)
-    split.fill_diagonal_(torch.inf)
-    for core, begin in zip(cores, begins, strict=False):
-        for a, b, entry, merge_a, merge_b, further in core.shared_lanes:
-            i, j = begin + a, begin + b
-            if entry > 0.0:
-                split[i, j] = split[j, i] = entry
-            else:
-                merge[i, j], merge[j, i] = merge_b, merge_a
-                offset[i, j], offset[j, i] = further, -further
-    return {"split": split, "merge": merge, "offset": offset}
+    count, most = begins[-1], 1
+    seen: dict[tuple[int, int], int] = {}
+    rows = []
+    for core, first in zip(cores, begins, strict=False):
+        for a, b, begin_a, begin_b, end, further in core.shared_lanes:
+            i, j = first + a, first + b
+            lane = seen[i, j] = seen.get((i, j), -1) + 1
+            most = max(most, lane + 1)
+            rows.append((i, j, lane, begin_b, end, further))
+            rows.append((j, i, lane, begin_a, end + further, -further))
+    begin, last = torch.full((2, count, count, most), -torch.inf)
+    offset = torch.zeros(count, count, most)
+    last[range(count), range(count), 0] = torch.inf
+    for i, j, lane, from_, until, further in rows:
+        begin[i, j, lane], last[i, j, lane], offset[i, j, lane] = from_, until, further
+    return {"lane_begin": begin, "lane_end": last, "offset": offset}
 
 
 def _conflicts(cores: Sequence[_core.Map], begins: Sequence[int]) -> dict[str, Tensor]:
-    own_begin, own_end = torch.full((2, begins[-1], begins[-1]), NOWHERE)
+    on_yielder, on_prioritized = torch.full((2, 2, begins[-1], begins[-1]), NOWHERE)
     for core, begin in zip(cores, begins, strict=False):
-        for yielder, prioritized, _, *on_yielder, first, last in core.conflicts:
+        for yielder, prioritized, _, _, *ends, _ in core.conflicts:
             i, j = begin + yielder, begin + prioritized
-            own_begin[i, j], own_end[i, j] = on_yielder
-            own_begin[j, i], own_end[j, i] = first, last
-    return {"own_begin": own_begin, "own_end": own_end}
+            on_yielder[:, i, j], on_prioritized[:, i, j] = torch.tensor(ends).view(2, 2)
+    return {"on_yielder": on_yielder, "on_prioritized": on_prioritized}

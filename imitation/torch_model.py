@@ -87,18 +87,20 @@ class State(NamedTuple):
 
 
 class Seen(NamedTuple):
-    """What vehicles see but for their decisions, their rear bumpers [m], and who leads each: (..., vehicle)."""
+    """What vehicles see but for their decisions, their rear bumpers [m], who leads each, and by how much further along
+    its own route that one is than where they share a lane [m]: (..., vehicle)."""
 
     view: View
     rear: Tensor
     lead: Tensor
+    further: Tensor
 
 
 class Pairs(NamedTuple):
     """What pairs are to each other, whoever is held.
 
     i, j: (..., pair) vehicles. free: (..., pair) bool, active and not assigned. gap: (..., pair, 4), what the gap
-    network sees. told, settled, kept: (..., vehicle) bool, as in `docs/model.md`.
+    network sees. told, settled, kept, stops: (..., vehicle) bool, as in `docs/model.md`; stops: has yet to stop.
     """
 
     i: Tensor
@@ -108,6 +110,7 @@ class Pairs(NamedTuple):
     told: Tensor
     settled: Tensor
     kept: Tensor
+    stops: Tensor
 
 
 class Held(NamedTuple):
@@ -129,15 +132,18 @@ class TorchPredictor:
         self.tables, self.vehicles, self.networks = tables, vehicles, networks
         route = vehicles.route
         self.stop_line, self.length = tables.stop_line[route], tables.length[route]
+        self.must_stop = tables.must_stop[route]
         own, other = route[:, :, None], route[:, None, :]
-        self.split, self.merge, self.offset = (
-            table[own, other] for table in (tables.split, tables.merge, tables.offset)
+        self.lane_begin, self.lane_end, self.offset = (
+            table[own, other].movedim(-1, 0) for table in (tables.lane_begin, tables.lane_end, tables.offset)
         )
         self.half_lengths = vehicles.half_length[:, :, None] + vehicles.half_length[:, None, :]
         lane = tables.stop_lane[route]
         self.same_lane = lane[:, :, None] == lane[:, None, :]
         yielder, prioritized = route.gather(1, vehicles.i), route.gather(1, vehicles.j)
-        self.end_i, self.end_j = tables.own_end[yielder, prioritized], tables.own_end[prioritized, yielder]
+        self.end_i, self.end_j = (
+            table[1, yielder, prioritized] for table in (tables.on_yielder, tables.on_prioritized)
+        )
         self.yielder_number = tables.number[yielder]
 
     @classmethod
@@ -159,9 +165,11 @@ class TorchPredictor:
         position, speed, delta = (one.expand(shape) for one in (known.position, known.speed, known.delta))
         hold, present = torch.full(shape, -1), known.present.expand(shape)
         lost, asked = torch.zeros(shape), torch.zeros(())
+        stopped = torch.zeros(shape, dtype=torch.bool)
         for _ in range(STEPS):
             seen = self.seen(position, speed, present)
-            pairs = self.pairs(assignment, seen, position, present, delta)
+            stopped = stopped | self.at_stop(seen)
+            pairs = self.pairs(assignment, seen, position, present, delta, stopped)
             held = self.held(pairs, self.networks.gap(pairs.gap), hold)
             delta = ~(held.waits | pairs.kept) | pairs.settled
             hold = self.next_hold(seen, pairs, held, delta, hold)
@@ -184,12 +192,18 @@ class TorchPredictor:
         half = self.vehicles.half_length
         front, rear = position + half, position - half
         limit, headings = self.tables.road(self.vehicles.route.expand(position.shape), position)
-        lead, to_lead, lead_speed = self._leads(position, front, rear, speed, present)
+        lead, further, to_lead, lead_speed = self._leads(position, front, rear, speed, present)
         v_max = torch.minimum(limit, self.vehicles.max_speed)
-        return Seen(View(self.stop_line - front, speed, v_max, headings, to_lead, lead_speed), rear, lead)
+        return Seen(View(self.stop_line - front, speed, v_max, headings, to_lead, lead_speed), rear, lead, further)
 
-    def pairs(self, assignment: Tensor, seen: Seen, position: Tensor, present: Tensor, delta: Tensor) -> Pairs:
-        """What the pairs are to each other; delta (..., vehicle) as remembered."""
+    def at_stop(self, seen: Seen) -> Tensor:
+        """(..., vehicle) bool: who makes the stop that its line asks for."""
+        return self.must_stop & (seen.view.speed < _core.STOPPED) & (seen.view.to_line < _core.AT_LINE)
+
+    def pairs(
+        self, assignment: Tensor, seen: Seen, position: Tensor, present: Tensor, delta: Tensor, stopped: Tensor
+    ) -> Pairs:
+        """What the pairs are to each other; delta (..., vehicle) as remembered, stopped with this step included."""
         view, shape = seen.view, (*position.shape[:-1], assignment.shape[-1])
         i, j = self.vehicles.i.expand(shape), self.vehicles.j.expand(shape)
         active = self._active(assignment, position, seen.rear, present, i, j)
@@ -204,7 +218,8 @@ class TorchPredictor:
         told = _some(active & (assignment < 0), i, settled) | _some(active & (assignment > 0), j, settled)
         free = active & (assignment == 0)
         kept = _some(free & settled.gather(-1, i) & ~delta.gather(-1, j), j, settled)
-        return Pairs(i, j, free, torch.stack(gap, -1).detach(), told, settled, kept)
+        stops = self.must_stop & ~stopped & (view.to_line >= 0.0)
+        return Pairs(i, j, free, torch.stack(gap, -1).detach(), told, settled, kept, stops)
 
     def held(self, pairs: Pairs, logit: Tensor, hold: Tensor) -> Held:
         """Whose gaps count, as the foe is not held itself, and who waits.
@@ -212,7 +227,8 @@ class TorchPredictor:
         logit: (..., pair), of accepting the gap. hold: (..., vehicle), as remembered.
         """
         open_ = pairs.free & (hold.gather(-1, pairs.j) <= self.yielder_number)
-        return Held(open_, logit, pairs.told | _some(open_ & (logit <= 0.0), pairs.i, pairs.told))
+        refused = _some(open_ & (logit <= 0.0), pairs.i, pairs.told)
+        return Held(open_, logit, pairs.told | pairs.stops | refused)
 
     def next_hold(self, seen: Seen, pairs: Pairs, held: Held, delta: Tensor, hold: Tensor) -> Tensor:
         """Whom each vehicle holds up from now on, itself or through its queue."""
@@ -225,14 +241,28 @@ class TorchPredictor:
 
     def _leads(
         self, position: Tensor, front: Tensor, rear: Tensor, speed: Tensor, present: Tensor
-    ) -> tuple[Tensor, Tensor, Tensor]:
-        """Each vehicle's lead, the distance to it [m] and its speed [m/s]."""
-        ahead = position[..., None, :] - self.offset - position[..., :, None]
-        before_split = (rear[..., :, None] < self.split) & (rear[..., None, :] < self.split)
-        leads = present[..., None, :] & (ahead > 0.0) & (before_split | (front[..., None, :] > self.merge))
-        gap, lead = torch.where(leads, ahead - self.half_lengths, torch.inf).min(-1)
+    ) -> tuple[Tensor, Tensor, Tensor, Tensor]:
+        """Each vehicle's lead, by how much further that one is along its own route, the distance to it [m] and its
+        speed [m/s]."""
+        found = []
+        for begin, end, offset in zip(self.lane_begin, self.lane_end, self.offset, strict=True):
+            ahead = position[..., None, :] - offset - position[..., :, None]
+            before_end = (rear[..., :, None] < end) & (rear[..., None, :] - offset < end)
+            leads = present[..., None, :] & (ahead > 0.0) & before_end & (front[..., None, :] > begin)
+            gap, lead = torch.where(leads, ahead - self.half_lengths, torch.inf).min(-1)
+            further = offset.expand_as(ahead).gather(-1, lead.unsqueeze(-1)).squeeze(-1)
+            found.append((gap, lead, further))
+        gap, lead, further = found[0]
+        for other in found[1:]:
+            nearer = other[0] < gap
+            gap, lead, further = (torch.where(nearer, a, b) for a, b in zip(other, (gap, lead, further), strict=True))
         near = gap <= LEAD_RANGE
-        return lead, torch.where(near, gap, LEAD_RANGE), torch.where(near, speed.gather(-1, lead), FREE_LEAD_SPEED)
+        return (
+            lead,
+            further,
+            torch.where(near, gap, LEAD_RANGE),
+            torch.where(near, speed.gather(-1, lead), FREE_LEAD_SPEED),
+        )
 
     def _active(
         self, assignment: Tensor, position: Tensor, rear: Tensor, present: Tensor, i: Tensor, j: Tensor

@@ -20,6 +20,10 @@ MOST_THREADS: int = 256
 
 BRAKING: float = 4.0
 
+STOPPED: float = 0.5
+
+AT_LINE: float = 3.0
+
 LEAST_SIZE: float = 0.10000000149011612
 
 MOST_LENGTH: float = 50.0
@@ -87,6 +91,9 @@ class Route:
     def stop_line(self) -> float: ...
 
     @property
+    def must_stop(self) -> bool: ...
+
+    @property
     def stop_lane(self) -> int: ...
 
     @property
@@ -123,12 +130,18 @@ class Map:
     def routes(self) -> list[Route]: ...
 
     @property
-    def conflicts(self) -> list[tuple[int, int, bool, float, float, float, float]]:
-        """Rows of yielder, prioritized, merging, and the interval on each [m]."""
+    def conflicts(self) -> list[tuple[int, int, bool, bool, float, float, float, float, float]]:
+        """
+        Rows of yielder, prioritized, merging, by arrival, the interval on each, and the line [m].
+        """
 
     @property
     def shared_lanes(self) -> list[tuple[int, int, float, float, float, float]]:
-        """Rows of a, b, split, merge on a, merge on b, offset [m]."""
+        """Rows of a, b, begin on a, begin on b, end on a, offset [m]."""
+
+    @property
+    def has_stops(self) -> bool:
+        """Whether somebody has to make a stop."""
 
     def sample(self, route: int, position: Annotated[NDArray[numpy.float32], dict(shape=(None,), order='C', device='cpu', writable=False)]) -> NDArray[numpy.float32]:
         """
@@ -148,7 +161,7 @@ class Map:
 class Traffic:
     """The vehicles at one moment, checked."""
 
-    def __init__(self, map: Map, route: Annotated[NDArray[numpy.int32], dict(shape=(None,), order='C', device='cpu', writable=False)], position: Annotated[NDArray[numpy.float32], dict(shape=(None,), order='C', device='cpu', writable=False)], speed: Annotated[NDArray[numpy.float32], dict(shape=(None,), order='C', device='cpu', writable=False)], length: Annotated[NDArray[numpy.float32], dict(shape=(None,), order='C', device='cpu', writable=False)], width: Annotated[NDArray[numpy.float32], dict(shape=(None,), order='C', device='cpu', writable=False)], max_speed: Annotated[NDArray[numpy.float32], dict(shape=(None,), order='C', device='cpu', writable=False)], delta: Annotated[NDArray[numpy.bool_], dict(shape=(None,), order='C', device='cpu', writable=False)] | None = None, hold: Annotated[NDArray[numpy.int16], dict(shape=(None,), order='C', device='cpu', writable=False)] | None = None) -> None: ...
+    def __init__(self, map: Map, route: Annotated[NDArray[numpy.int32], dict(shape=(None,), order='C', device='cpu', writable=False)], position: Annotated[NDArray[numpy.float32], dict(shape=(None,), order='C', device='cpu', writable=False)], speed: Annotated[NDArray[numpy.float32], dict(shape=(None,), order='C', device='cpu', writable=False)], length: Annotated[NDArray[numpy.float32], dict(shape=(None,), order='C', device='cpu', writable=False)], width: Annotated[NDArray[numpy.float32], dict(shape=(None,), order='C', device='cpu', writable=False)], max_speed: Annotated[NDArray[numpy.float32], dict(shape=(None,), order='C', device='cpu', writable=False)], delta: Annotated[NDArray[numpy.bool_], dict(shape=(None,), order='C', device='cpu', writable=False)] | None = None, hold: Annotated[NDArray[numpy.int16], dict(shape=(None,), order='C', device='cpu', writable=False)] | None = None, waited: Annotated[NDArray[numpy.int32], dict(shape=(None,), order='C', device='cpu', writable=False)] | None = None) -> None: ...
 
 def conflicts(map: Map, traffic: Traffic) -> NDArray[numpy.int32]:
     """(pair, 2): yielder and prioritized vehicle of every open pair."""
@@ -232,9 +245,9 @@ class Predictor:
     def observe_orders(self, traffic: Traffic) -> NDArray[numpy.float32]:
         """(pair, 21): what an order network sees."""
 
-    def predict(self, traffic: Traffic, assignments: Annotated[NDArray[numpy.int8], dict(shape=(None, None), order='C', device='cpu', writable=False)], trajectories: bool, safety: bool, decisions: Annotated[NDArray[numpy.uint8], dict(shape=(None, None, None), order='C', writable=False)] | None = None, isa: str | None = None) -> tuple[NDArray[numpy.float32], NDArray[numpy.float32], NDArray[numpy.float32], NDArray[numpy.uint8], NDArray[numpy.uint8], NDArray[numpy.float32], NDArray[numpy.float32], NDArray[numpy.int16], NDArray[numpy.int8]]:
+    def predict(self, traffic: Traffic, assignments: Annotated[NDArray[numpy.int8], dict(shape=(None, None), order='C', device='cpu', writable=False)], trajectories: bool, safety: bool, decisions: Annotated[NDArray[numpy.uint8], dict(shape=(None, None, None), order='C', writable=False)] | None = None, isa: str | None = None) -> tuple[NDArray[numpy.float32], NDArray[numpy.float32], NDArray[numpy.float32], NDArray[numpy.uint8], NDArray[numpy.uint8], NDArray[numpy.float32], NDArray[numpy.float32], NDArray[numpy.int16], NDArray[numpy.int8], NDArray[numpy.int32] | None]:
         """
-        position, speed, acceleration, enters, present, time_loss, minimum_distance, hold, completed assignments.
+        position, speed, acceleration, enters, present, time_loss, minimum_distance, hold, completed, waited assignments.
         """
 
 def rank_maneuvers(predictor: Predictor, traffic: Traffic, cooperative: Annotated[NDArray[numpy.uint8], dict(shape=(None,), order='C', device='cpu', writable=False)], limit: int | None, seconds: float, by_expectation: bool | None) -> tuple[dict[str, Any], int]:

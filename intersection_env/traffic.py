@@ -15,7 +15,7 @@ from intersection_env import _core
 from intersection_env.maps.intersection import Intersection
 
 FLOAT_FIELDS = ("position", "speed", "length", "width", "max_speed")
-MEMORY_DTYPES = {"delta": np.bool_, "hold": np.int16}
+MEMORY_DTYPES = {"delta": np.bool_, "hold": np.int16, "waited": np.int32}
 
 
 class Vehicle(NamedTuple):
@@ -48,6 +48,8 @@ class Traffic:
         delta, hold: (vehicle,) bool and int16, what each vehicle remembers from a prediction: whether it enters, and
             whom it lets go while it waits itself (yielders of routes below that index; -1: nobody). Both, or neither:
             then they follow from positions and speeds. `Prediction.traffic_at` gives them.
+        waited: (vehicle,) int32, beside them where the map has stops: for how many steps it has stopped at its line or
+            gone on from there; 0: not yet. Without, nobody has.
 
     Bodies may overlap, as perception gives them at times (a bicycle beside a car, 10 cm into a lead): `overlaps` names
     the pairs. Who overlaps somebody is predicted like everybody else, and drives behind whoever's centre is ahead; the
@@ -69,6 +71,7 @@ class Traffic:
     max_speed: NDArray[np.float32] = field(default=None)  # type: ignore[arg-type]
     delta: NDArray[np.bool_] | None = None
     hold: NDArray[np.int16] | None = None
+    waited: NDArray[np.int32] | None = None
     core: _core.Traffic = field(init=False, repr=False, compare=False)
     conflicts: NDArray[np.int32] = field(init=False, repr=False, compare=False)
     """(pair, 2): indices of every pair still open, the one that yields by rule first."""
@@ -101,11 +104,13 @@ class Traffic:
             )
 
     def _array_names(self) -> tuple[str, ...]:
-        return ("route", *FLOAT_FIELDS, *(() if self.hold is None else MEMORY_DTYPES))
+        return ("route", *FLOAT_FIELDS, *(name for name in MEMORY_DTYPES if getattr(self, name) is not None))
 
     def _check_arrays(self) -> None:
         if (self.delta is None) != (self.hold is None):
             raise ValueError("memories need both delta and hold, or neither")
+        if self.waited is not None and self.hold is None:
+            raise ValueError("waited needs the other memories, delta and hold")
         dtypes = {"route": np.int32, **dict.fromkeys(FLOAT_FIELDS, np.float32), **MEMORY_DTYPES}
         for name in self._array_names():
             array, wanted = getattr(self, name), dtypes[name]
@@ -159,11 +164,10 @@ class Traffic:
             has_priority = (self.conflicts == (second, first)).all(axis=1)
             if not (yields | has_priority).any():
                 raise ValueError(f'vehicles "{first_id}" and "{second_id}" do not conflict: no priority to assign')
-            wanted = np.int8(1) if yields.any() else np.int8(-1)
-            before = assignment[yields | has_priority][0]
-            if before not in (0, wanted):
+            wanted = yields.astype(np.int8) - has_priority
+            if (assignment * wanted < 0).any():
                 raise ValueError(f'"{first_id}" and "{second_id}" are each told to go before the other')
-            assignment[yields | has_priority] = wanted
+            assignment[wanted != 0] = wanted[wanted != 0]
         return assignment
 
     def words(self, assignment: NDArray[np.int8]) -> tuple[tuple[str, str], ...]:

@@ -22,7 +22,7 @@ if folder := os.environ.get("INTERSECTION_ENV_CORE_FROM"):
 
 from intersection_env import Intersection
 
-MAP_NAMES = ("bendplatz", "t_junction")
+MAP_NAMES = ("bendplatz", "t_junction", "all_way_stop", "roundabout")
 
 
 @pytest.fixture(params=MAP_NAMES)

@@ -18,7 +18,8 @@ from data.maps.right_of_way import rights_of_arms, yields_by_rule
 from data.maps.room import length_of, with_room
 from data.maps.smooth import polyline, telling
 from data.maps.stop_lines import with_stop_lines
-from intersection_env.maps.compiler import Encounter, compile_map, encounters
+from intersection_env.maps.compiler import compile_map, encounters
+from intersection_env.maps.conflicts import Encounter
 from intersection_env.maps.source import FORMAT, VERSION, Arm, Lane, MapSource, RouteSource
 
 OFFERED = 12  # ours: of so many junctions it is tried whether a source can be made of them

@@ -1,6 +1,6 @@
 """Who is ahead of whom, along the lanes that two tracks share.
 
-As "Lead" of docs/model.md, but towards a shared exit both fronts must be past the merge, where the core
+As "Lead" of docs/model.md, but where a shared lane begins both fronts must be in it, where the core
 asks that of the leader's alone. The core asks whom to follow, also from afar; here it is asked whether
 bodies overlap or pass, and arc lengths tell that only where both are in the lane: before the merge two
 vehicles may be as far along side by side, each on its own approach. What touches there is found by
@@ -44,14 +44,16 @@ def pair_gap(first: Track, second: Track, intersection: Intersection) -> PairGap
     steps = np.arange(begin, end)
     if first.route == second.route:
         return PairGap(steps, b - a)
-    lane = next((one for one in intersection.shared_lanes if {one.a, one.b} == {first.route, second.route}), None)
-    if lane is None:
-        return None
-    if lane.a == first.route:
-        shared, ahead = _along(lane, a, first.length, b, second.length)
-    else:
-        shared, behind = _along(lane, b, second.length, a, first.length)
-        ahead = -behind
+    shared, ahead = np.zeros(len(steps), np.bool_), np.zeros(len(steps))
+    for lane in intersection.shared_lanes:
+        if (lane.a, lane.b) == (first.route, second.route):
+            both, here = _along(lane, a, first.length, b, second.length)
+        elif (lane.b, lane.a) == (first.route, second.route):
+            both, behind = _along(lane, b, second.length, a, first.length)
+            here = -behind
+        else:
+            continue
+        shared, ahead = shared | both, np.where(both, here, ahead)
     return PairGap(steps[shared], ahead[shared]) if shared.any() else None
 
 
@@ -59,6 +61,6 @@ def _along(
     lane: SharedLane, a: NDArray[np.float64], length_a: float, b: NDArray[np.float64], length_b: float
 ) -> tuple[NDArray[np.bool_], NDArray[np.float64]]:
     """Whether they share the lane, and how far the one on route b is ahead, per step."""
-    entry = (a - 0.5 * length_a < lane.split) & (b - 0.5 * length_b < lane.split)
-    leaving = (a + 0.5 * length_a > lane.merge_a) & (b + 0.5 * length_b > lane.merge_b)
-    return entry | leaving, np.where(entry, b - a, b - lane.offset - a)
+    there = b - lane.offset
+    begun = (a + 0.5 * length_a > lane.begin_a) & (b + 0.5 * length_b > lane.begin_b)
+    return begun & (a - 0.5 * length_a < lane.end) & (there - 0.5 * length_b < lane.end), there - a

@@ -29,13 +29,15 @@ class AcrossPredictor(TorchPredictor):
     def __init__(self, tables: MapTables, vehicles: Vehicles, networks: Networks) -> None:
         super().__init__(tables, vehicles, networks)
         own, other = vehicles.route[:, :, None], vehicles.route[:, None, :]
-        self.own_begin = tables.own_begin[own, other]  # of who follows (row), on its route
-        self.other_begin, self.other_end = tables.own_begin.T[own, other], tables.own_end.T[own, other]
+        # whoever yields; two routes of these maps conflict once
+        on_own = torch.maximum(tables.on_yielder, tables.on_prioritized.transpose(1, 2))
+        self.own_begin = on_own[0][own, other]  # of who follows (row), on its route
+        self.other_begin, self.other_end = on_own[:, other, own]
 
     def _leads(
         self, position: Tensor, front: Tensor, rear: Tensor, speed: Tensor, present: Tensor
-    ) -> tuple[Tensor, Tensor, Tensor]:
-        lead, to_lead, lead_speed = super()._leads(position, front, rear, speed, present)
+    ) -> tuple[Tensor, Tensor, Tensor, Tensor]:
+        lead, further, to_lead, lead_speed = super()._leads(position, front, rear, speed, present)
         stands = present & (speed < STANDING)
         is_on = (front[:, None, :] > self.other_begin) & (rear[:, None, :] < self.other_end)
         before = self.own_begin - front[:, :, None]
@@ -43,6 +45,7 @@ class AcrossPredictor(TorchPredictor):
         nearer = to_across < to_lead
         return (
             torch.where(nearer, across, lead),
+            further,
             torch.where(nearer, to_across, to_lead),
             torch.where(nearer, speed.gather(1, across), lead_speed),
         )

@@ -3,7 +3,7 @@
 Who is held, or goes second, and is able to stop, does stop: at its line, or before its conflict where it stands or
 creeps past its line from the start. Exempt is who cannot stop: who is committed at the start, which nobody may put
 second, and who creeps so near to its conflict that the hardest braking does not keep it out. Who goes first and waits
-for nobody is free to go.
+for nobody is free to go, once it has made the stop that its line may ask for.
 """
 
 from __future__ import annotations
@@ -158,8 +158,18 @@ def _orders(
         _second(traffic, prediction, while_open, (first, second), second_interval[0], where, findings)
         if first not in seconds and first not in undecided:
             findings.free_first += 1
-            if not prediction.enters[0][prediction.present[0][:, first], first].all():
+            if not prediction.enters[0][
+                prediction.present[0][:, first] & _stop_made(traffic, prediction, first), first
+            ].all():
                 findings.wrong.append(f"{where}: {first} goes first, and is held")
+
+
+def _stop_made(traffic: Traffic, prediction: Prediction, vehicle: int) -> NDArray[np.bool_]:
+    """(time,): no stop is to be made any more, or none at all."""
+    if prediction.waited is None or not traffic.intersection.routes[traffic.route[vehicle]].must_stop:
+        return np.ones(len(prediction.time), np.bool_)
+    beyond = _fronts(traffic, prediction)[:, vehicle] > _stop_lines(traffic)[vehicle]
+    return np.asarray((prediction.waited[0][:, vehicle] > 0) | beyond, np.bool_)
 
 
 def _second(

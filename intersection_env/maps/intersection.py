@@ -23,6 +23,11 @@ def shipped_maps() -> tuple[str, ...]:
     return tuple(sorted(path.stem for path in MAPS.glob("*.map")))
 
 
+def recorded_maps() -> tuple[str, ...]:
+    """Those of them on which recordings lie: what drivers learn on, and are judged on, by default."""
+    return tuple(name for name in shipped_maps() if Intersection.load(name).locations)
+
+
 class Sample(IntEnum):
     """Columns of `Route.samples` and of `Intersection.sample`.
 
@@ -49,6 +54,8 @@ class Route:
     id: str
     length: float
     stop_line: float
+    must_stop: bool
+    """Whether a stop is made before that line."""
     stop_lane: int
     """Routes with equal index queue in one lane before their stop lines."""
     junction: tuple[float, float]
@@ -179,12 +186,12 @@ class Intersection:
 
     @cached_property
     def conflicts(self) -> tuple[Conflict, ...]:
-        """All pairs of routes from different lanes whose swept areas overlap."""
-        return tuple(Conflict(y, p, m, (a, b), (c, d)) for y, p, m, a, b, c, d in self.core.conflicts)
+        """All pairs of routes whose swept areas overlap outside of the lanes that they share."""
+        return tuple(Conflict(y, p, m, t, (a, b), (c, d), e) for y, p, m, t, a, b, c, d, e in self.core.conflicts)
 
     @cached_property
     def shared_lanes(self) -> tuple[SharedLane, ...]:
-        """All pairs of routes that share a lane, a < b."""
+        """All lanes that two routes share, a < b."""
         return tuple(SharedLane(*row) for row in self.core.shared_lanes)
 
     def _route(self, index: int) -> Route:
@@ -193,7 +200,15 @@ class Intersection:
         samples = self.core.sample(index, grid)
         samples.setflags(write=False)
         return Route(
-            index, core.id, core.length, core.stop_line, core.stop_lane, core.junction, core.first_conflict, samples
+            index,
+            core.id,
+            core.length,
+            core.stop_line,
+            core.must_stop,
+            core.stop_lane,
+            core.junction,
+            core.first_conflict,
+            samples,
         )
 
     def __repr__(self) -> str:

@@ -1,8 +1,9 @@
 """The hand-written description of an intersection, and the centrelines that follow from it.
 
 A source file is JSON: arms with their right of way, lanes as polylines in driving direction, and
-routes as sequences of lanes. Where one lane of a route ends apart from where the next begins, the
-gap is bridged by a smooth curve, so an author draws straight lanes only; a way inside the junction may be drawn.
+routes as paths of lanes. Where one lane of a route ends apart from where the next begins, the
+gap is bridged by a smooth curve, so an author draws straight lanes only. Inside the junction a route has such a curve,
+a way drawn for it alone, or lanes of the junction that other routes take too, as around a roundabout.
 """
 
 from __future__ import annotations
@@ -19,13 +20,14 @@ from numpy.typing import NDArray
 from intersection_env.maps.curve import Points, along, connect, wrap
 
 FORMAT = "intersection_env map source"
-VERSION = 1
-RIGHTS_OF_WAY = ("priority", "yield", "stop")
+VERSION = 2
+RIGHTS_OF_WAY = ("priority", "right_before_left", "yield", "stop", "all_way_stop", "roundabout")
+STOPPING = ("stop", "all_way_stop")
 LARGEST = 2000.0  # [m], ours: local metres; a farther point has another origin, and would take minutes to compile
 MOST_LOCATION = 1_000_000  # ours: inD's ids are of one digit, ours of three
 TURN_ANGLE = np.radians(30.0)  # ours: a route that bends less than this runs straight
 
-KEYS = ("format", "version", "name", "about", "locations", "arms", "lanes", "stop_lines", "routes", "yields")
+KEYS = ("format", "version", "name", "about", "locations", "arms", "lanes", "stop_lines", "routes", "yields", "free")
 
 
 @dataclass(frozen=True)
@@ -59,6 +61,13 @@ class RouteSource:
     leaving: tuple[str, ...]
     inside: Points | None = None
     """(point, 2) [m], the way inside the junction where it is drawn."""
+    interior: tuple[str, ...] = ()
+    """The junction's lanes that it takes, where it has no way of its own."""
+
+    @property
+    def lanes(self) -> tuple[str, ...]:
+        """All of its lanes, in driving order."""
+        return self.approach + self.interior + self.leaving
 
 
 class Piece(NamedTuple):
@@ -86,6 +95,8 @@ class MapSource:
     routes: tuple[RouteSource, ...]
     yields: frozenset[tuple[str, str]]
     """Pairs of route ids for which the general rule is not enough: the first yields."""
+    free: frozenset[frozenset[str]] = frozenset()
+    """Pairs of route ids that do not conflict, however near they are drawn to each other."""
 
     @classmethod
     def read(cls, path: str | Path) -> MapSource:
@@ -110,7 +121,7 @@ class MapSource:
         if not isinstance(content, dict) or content.get("format") != FORMAT:
             raise ValueError(f'"format" must be "{FORMAT}"')
         if content.get("version") != VERSION:
-            raise ValueError(f'"version" is {content.get("version")!r}, this package reads {VERSION}')
+            raise ValueError(f'"version" is {content.get("version")!r}, this package reads {VERSION}{_new(content)}')
         _known_keys("the map source", content, KEYS)
         name = check_name(content.get("name"))
         arms = {key: _arm(key, value) for key, value in _entries(content, "arms").items()}
@@ -121,27 +132,33 @@ class MapSource:
             raise ValueError('"routes" is empty')
         for route in routes:
             _check_directions(route, lanes)
-        yields = _yields(content.get("yields", []), {route.id for route in routes})
-        return cls(name, check_locations(content.get("locations", [])), arms, lanes, stop_lines, routes, yields)
+        known = {route.id for route in routes}
+        yields, free = _yields(content.get("yields", []), known), _free(content.get("free", []), known)
+        for first, second in yields:
+            if frozenset((first, second)) in free:
+                raise ValueError(f'routes "{first}" and "{second}" are under "yields" and under "free"')
+        return cls(name, check_locations(content.get("locations", [])), arms, lanes, stop_lines, routes, yields, free)
 
     def pieces(self, route: RouteSource) -> list[Piece]:
         """The route's lanes and the curves between them, in driving order and without gaps."""
-        names = route.approach + route.leaving
         pieces: list[Piece] = []
-        for number, name in enumerate(names):
+        first, last = len(route.approach), len(route.approach) + len(route.interior)
+        for number, name in enumerate(route.lanes):
             lane = self.lanes[name]
             if number:
-                before = self.lanes[names[number - 1]]
-                inside = route.inside if number == len(route.approach) else None
+                before = self.lanes[route.lanes[number - 1]]
+                inside = route.inside if number == first else None
                 curve = connect(before.points, lane.points) if inside is None else _joined(before, inside, lane)
                 way = along(curve)
                 width = np.interp(way, way[[0, -1]], [before.width[-1], lane.width[0]])
-                pieces.append(Piece(None, curve, width, number == len(route.approach)))
-            pieces.append(Piece(name, lane.points, lane.width, False))
+                pieces.append(Piece(None, curve, width, first <= number <= last))
+            pieces.append(Piece(name, lane.points, lane.width, first <= number < last))
         return pieces
 
     def turn(self, route: RouteSource) -> str:
-        """Whether the route turns "left" or "right" inside the junction, or runs "straight"."""
+        """Whether the route turns "left" or "right" inside the junction, or runs "straight"; a U-turn is "left"."""
+        if route.entry == route.exit:
+            return "left"
         change = wrap(_heading_out(self.lanes[route.leaving[0]]) - _heading_in(self.lanes[route.approach[-1]]))
         return "left" if change > TURN_ANGLE else "right" if change < -TURN_ANGLE else "straight"
 
@@ -177,6 +194,16 @@ def _each_key_once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
             raise ValueError(f'"{key}" is there twice in one object')
         content[key] = value
     return content
+
+
+def _new(content: dict[str, Any]) -> str:
+    """What makes a file of this version from one of an older one."""
+    if content.get("version") != 1:
+        return ""
+    return (
+        f'. In version {VERSION} who comes from an arm marked "stop" makes a stop. Set "version" to {VERSION}, and such'
+        ' an arm to "yield" where nobody stops; import an imported map anew: python -m data.maps FILE --out NEW.json'
+    )
 
 
 def _is_word(text: str) -> bool:
@@ -264,7 +291,7 @@ def _stop_line(key: str, value: Any, lanes: dict[str, Lane]) -> Points:
 def _route(key: str, value: Any, arms: dict[str, Arm], lanes: dict[str, Lane]) -> RouteSource:
     entry, dash, leave = key.partition("-")
     leave, dot, number = leave.partition(".")
-    if not dash or entry not in arms or leave not in arms or entry == leave or (dot and not number.isdecimal()):
+    if not dash or entry not in arms or leave not in arms or (dot and not number.isdecimal()):
         raise ValueError(
             f'route "{key}" must be named by two arms, as "SW-NE", or "SW-NE.2" beside it; arms: {", ".join(arms)}'
         )
@@ -276,15 +303,25 @@ def _route(key: str, value: Any, arms: dict[str, Arm], lanes: dict[str, Lane]) -
             unknown = [one for one in words if one not in lanes]
             what = f"there is no lane {unknown[0]!r} in" if unknown else "not"
             raise ValueError(f'route "{key}": "{part}" must be a list of lanes, {what} {names!r}')
-    inside = _points(f'route "{key}": "inside"', value["inside"], 2) if "inside" in value else None
-    return RouteSource(key, entry, leave, tuple(value["approach"]), tuple(value["exit"]), inside)
+    inside, interior = _inside(key, value["inside"], lanes) if "inside" in value else (None, ())
+    return RouteSource(key, entry, leave, tuple(value["approach"]), tuple(value["exit"]), inside, interior)
+
+
+def _inside(key: str, value: Any, lanes: dict[str, Lane]) -> tuple[Points | None, tuple[str, ...]]:
+    """A way inside the junction: drawn, or as lanes."""
+    if not isinstance(value, list) or not value or not all(isinstance(one, str) for one in value):
+        return _points(f'route "{key}": "inside"', value, 2), ()
+    for one in value:
+        if one not in lanes:
+            raise ValueError(f'route "{key}": "inside" must be a list of lanes, there is no lane {one!r} in {value!r}')
+    return None, tuple(value)
 
 
 def _check_directions(route: RouteSource, lanes: dict[str, Lane]) -> None:
     """Refuses a lane that is drawn from its end to its begin, as seen from the one before or behind."""
-    names = route.approach + route.leaving
+    names = route.lanes
     if len(set(names)) < len(names):
-        return  # the compiler refuses it
+        raise ValueError(f'route "{route.id}" uses a lane twice')
     ways = [(f'lane "{name}"', lanes[name].points) for name in names]
     if route.inside is not None:
         ways.insert(len(route.approach), ('"inside"', route.inside))
@@ -320,20 +357,36 @@ def check_locations(value: Any) -> tuple[int, ...]:
     return tuple(value)
 
 
-def _yields(value: Any, known: set[str]) -> frozenset[tuple[str, str]]:
+def _pairs(key: str, value: Any, known: set[str]) -> list[tuple[str, str]]:
+    """A list of pairs of different routes."""
     if not isinstance(value, list):
-        raise ValueError(f'"yields" must be a list of pairs of route ids, not {value!r}')
-    pairs: set[tuple[str, str]] = set()
+        raise ValueError(f'"{key}" must be a list of pairs of route ids, not {value!r}')
+    pairs = []
     for pair in value:
         if not isinstance(pair, list) or len(pair) != 2 or not all(isinstance(id, str) for id in pair):
-            raise ValueError(f'"yields" must hold pairs of route ids, not {pair!r}')
+            raise ValueError(f'"{key}" must hold pairs of route ids, not {pair!r}')
         for id in pair:
             if id not in known:
-                raise ValueError(f'"yields": there is no route "{id}" in {pair!r}; routes: {", ".join(sorted(known))}')
-        first, second = pair
+                raise ValueError(f'"{key}": there is no route "{id}" in {pair!r}; routes: {", ".join(sorted(known))}')
+        pairs.append((pair[0], pair[1]))
+    return pairs
+
+
+def _yields(value: Any, known: set[str]) -> frozenset[tuple[str, str]]:
+    pairs: set[tuple[str, str]] = set()
+    for first, second in _pairs("yields", value, known):
         if first == second:
             raise ValueError(f'"yields" says that route "{first}" yields to itself')
         if (second, first) in pairs:
             raise ValueError(f'"yields" says that routes "{first}" and "{second}" each yield to the other')
         pairs.add((first, second))
+    return frozenset(pairs)
+
+
+def _free(value: Any, known: set[str]) -> frozenset[frozenset[str]]:
+    pairs = set()
+    for first, second in _pairs("free", value, known):
+        if first == second:
+            raise ValueError(f'"free" says that route "{first}" is free of itself')
+        pairs.add(frozenset((first, second)))
     return frozenset(pairs)

@@ -48,6 +48,8 @@ class Prediction:
     hold: (scenario, time, vehicle) int16, whom it lets go from that step on, as in `Traffic`; None where the
         trajectories are not a `Predictor`'s.
     priorities: (scenario, pair) int8, those asked for and what they imply; None likewise.
+    waited: (scenario, time, vehicle) int32, since its stop, as in `Traffic`, that step included; None likewise, and
+        where the map has no stops.
     """
 
     traffic: Traffic
@@ -61,6 +63,7 @@ class Prediction:
     minimum_distance: NDArray[np.float32]
     hold: NDArray[np.int16] | None = None
     priorities: NDArray[np.int8] | None = None
+    waited: NDArray[np.int32] | None = None
 
     def traffic_at(self, time: float, scenario: int = 0) -> Traffic:
         """The vehicles still present at a time, with what they remember: predicted on, it goes on as this prediction.
@@ -80,9 +83,10 @@ class Prediction:
                 "these trajectories are not those of one traffic by a Predictor: nobody knows what vehicles remember"
             )
         on, start = self.present[scenario, step], self.traffic
-        delta, hold = start.delta, start.hold
+        delta, hold, waited = start.delta, start.hold, start.waited
         if step > 0:
             delta, hold = self.enters[scenario, step - 1], self.hold[scenario, step - 1]
+            waited = None if self.waited is None else self.waited[scenario, step - 1]
         return Traffic(
             start.intersection,
             tuple(start.ids[i] for i in np.flatnonzero(on)),
@@ -94,6 +98,7 @@ class Prediction:
             start.max_speed[on],
             None if delta is None else delta[on],
             None if hold is None else hold[on],
+            None if waited is None else waited[on],
         )
 
     def priorities_at(self, time: float, scenario: int = 0) -> NDArray[np.int8]:
@@ -201,7 +206,7 @@ class Predictor:
         assignments = as_assignments(traffic, priorities)
         with naming(traffic.ids):
             results = self.bound_to(traffic.intersection).predict(traffic.core, assignments, trajectories, True)
-        position, speed, acceleration, enters, present, time_loss, minimum_distance, hold, completed = results
+        position, speed, acceleration, enters, present, time_loss, minimum_distance, hold, completed, waited = results
         if not trajectories:
             return Summary(traffic, time_loss, minimum_distance)
         time = np.arange(STEPS + 1, dtype=np.float32) * np.float32(DT)
@@ -217,6 +222,7 @@ class Predictor:
             minimum_distance,
             hold,
             completed,
+            waited,
         )
 
     def observe(self, traffic: Traffic) -> Observation:

@@ -95,10 +95,10 @@ def test_bendplatz_agrees_with_the_measured_street() -> None:
 
 
 def test_two_routes_of_one_exit_agree_on_the_shared_lane(intersection: Intersection) -> None:
-    merging = [lane for lane in intersection.shared_lanes if lane.merge_a < 1e5]
+    merging = [lane for lane in intersection.shared_lanes if lane.begin_a > -1e5 and lane.end > 1e5]
     assert merging
     for lane in merging:
-        s = np.arange(lane.merge_a + 8.0, intersection.routes[lane.a].length - 1.0, 3.0, dtype=np.float32)
+        s = np.arange(lane.begin_a + 8.0, intersection.routes[lane.a].length - 1.0, 3.0, dtype=np.float32)
         one = intersection.sample(lane.a, s)[:, XY]
         other = intersection.sample(lane.b, s + np.float32(lane.offset))[:, XY]
         assert np.abs(one - other).max() < 0.05
@@ -118,7 +118,10 @@ def test_width_runs_evenly_from_point_to_point(tmp_path: Path) -> None:
 
 
 def test_unknown_name_lists_what_ships() -> None:
-    with pytest.raises(ValueError, match=r'no map "nowhere" ships \(there are bendplatz, crossroads, t_junction\)'):
+    with pytest.raises(
+        ValueError,
+        match=r'no map "nowhere" ships \(there are all_way_stop, bendplatz, crossroads, roundabout, t_junction\)',
+    ):
         Intersection.load("nowhere")
     with pytest.raises(FileNotFoundError, match=r"missing\.map"):
         Intersection.load("missing.map")
@@ -130,7 +133,7 @@ def test_unknown_name_lists_what_ships() -> None:
     ("damage", "message"),
     [
         (lambda text: "", "is not a file of the kind"),
-        (lambda text: text.replace("map 1", "map 2", 1), 'is of version "2", this package reads version 1'),
+        (lambda text: text.replace("map 2", "map 1", 1), 'is of version "1", this package reads version 2'),
         (lambda text: text[: len(text) // 2], "is cut short"),
         (lambda text: text.replace("spacing 1", "spacing 2", 1), "does not match its checksum"),
         (lambda text: with_checksum(body_of("t_junction").replace("spacing 1", "spacing x", 1)), ":4: a finite number"),
@@ -179,7 +182,7 @@ def test_damage_anywhere_with_a_right_checksum_never_crashes() -> None:
     ("change", "message"),
     [
         ({"format": "something"}, '"format" must be'),
-        ({"version": 9}, '"version" is 9, this package reads 1'),
+        ({"version": 9}, '"version" is 9, this package reads 2'),
         ({"name": "two words"}, '"name" must be one word'),
         ({"arms": {"W": {"right_of_way": "maybe", "speed_limit_kmh": 50}}}, '"right_of_way" must be one of'),
         ({"arms": {"W": {"right_of_way": "yield", "speed_limit_kmh": -5}}}, "must be a positive number, not -5"),
@@ -202,6 +205,14 @@ def test_damage_anywhere_with_a_right_checksum_never_crashes() -> None:
         ({"yields": [[["a"], "b"]]}, "pairs of route ids"),
         ({"yields": [["W-E", "W-E"]]}, 'route "W-E" yields to itself'),
         ({"yields": [["W-E", "S-W"], ["S-W", "W-E"]]}, '"S-W" and "W-E" each yield to the other'),
+        ({"free": [["W-E", "nowhere"]]}, '"free" must hold pairs of route ids'),
+        ({"free": [["W-E", "W-E"]]}, '"free" says that route "W-E" is free of itself'),
+        ({"yields": [["W-E", "S-W"]], "free": [["S-W", "W-E"]]}, '"W-E" and "S-W" are under "yields" and under "free"'),
+        (
+            {"routes": {"W-E": {"approach": ["W_in"], "inside": ["gone"], "exit": ["E_out"]}}},
+            "\"inside\" must be a list of lanes, there is no lane 'gone'",
+        ),
+        ({"routes": {"W-E": {"approach": ["W_in", "W_in"], "exit": ["E_out"]}}}, '"W-E" uses a lane twice'),
         ({"locations": [True]}, '"locations" must be a list of integers from 0 to 1000000'),
         ({"locations": [1.0]}, '"locations" must be a list of integers'),
         ({"locations": [-1]}, '"locations" must be a list of integers'),
@@ -246,18 +257,68 @@ def test_file_that_is_no_map_source_is_named(tmp_path: Path, text: str, message:
     assert str(refused.value).startswith(f"{path}: ")
 
 
-def test_routes_that_share_a_later_lane_but_not_the_first_are_refused(tmp_path: Path) -> None:
-    """Without their shared lane nobody would follow anybody there."""
+def test_routes_that_share_only_a_later_lane_follow_each_other_there(tmp_path: Path) -> None:
+    """An exit that merges later, and a route that begins in the middle of another one's approach."""
     path = tmp_path / "source.json"
     source = json.loads((MAPS / "t_junction.json").read_text())
-    source["routes"]["E-S"]["exit"] = ["S_out_outer"]
-    path.write_text(json.dumps(source))
-    with pytest.raises(ValueError, match=r'"W-S" and "E-S" share the exit lane "S_out_outer".* the first exit lane'):
-        Intersection.load(path)
-    source = json.loads((MAPS / "t_junction.json").read_text())
+    source["lanes"]["S_out_beside"] = {"width": 3.0, "points": [[2.9, -16.0], [-0.5, -24.0]]}
+    source["routes"]["E-S"]["exit"] = ["S_out_beside", "S_out_outer"]
     source["routes"]["S-E"]["approach"] = ["S_in"]
+    path.write_text(json.dumps(source | {"free": [["S-W", "E-S"], ["S-E", "E-S"]]}))
+    found = Intersection.load(path)
+    w_s, e_s, s_w, s_e = (found.routes[found.route_index(id)] for id in ("W-S", "E-S", "S-W", "S-E"))
+    exit_, approach = (
+        next(one for one in found.shared_lanes if (one.a, one.b) == (a.index, b.index))
+        for a, b in ((w_s, e_s), (s_w, s_e))
+    )
+    assert e_s.junction[1] + 5.0 < exit_.begin_b < e_s.length
+    assert exit_.end > 1e5
+    conflict = next(one for one in found.conflicts if {one.yielder, one.prioritized} == {w_s.index, e_s.index})
+    assert conflict.merging
+    assert {conflict.on_yielder[1], conflict.on_prioritized[1]} == {exit_.begin_a, exit_.begin_b}
+    assert approach.begin_b < -1e5
+    assert approach.offset < -20.0
+    behind = Vehicle("behind", "S-W", float(approach.begin_a - 8.0), 5.0)
+    traffic = Traffic.of(found, [behind, Vehicle("ahead", "S-E", 6.0, 0.0)])
+    gap = Predictor.load("gap").observe(traffic).driving[0, 9]
+    assert gap == pytest.approx(6.0 - approach.offset - (approach.begin_a - 8.0) - 4.5, abs=0.01)
+
+
+def test_all_undecided_pairs_are_named_at_once_with_what_to_add(tmp_path: Path) -> None:
+    source = json.loads((MAPS / "t_junction.json").read_text())
+    source["arms"] = {arm: {"right_of_way": "priority", "speed_limit_kmh": 50} for arm in source["arms"]}
+    source["routes"]["E-W.2"] = {"approach": ["E_in"], "inside": [[6.5, 1.65], [0, 6], [-11, 1.65]], "exit": ["W_out"]}
+    source["stop_lines"]["S_in"] = [[-6.0, -3.0], [8.0, -3.0]]
+    path = tmp_path / "source.json"
     path.write_text(json.dumps(source))
-    with pytest.raises(ValueError, match=r'"S-W" and "S-E" share the approach lane "S_in".* the first approach lane'):
+    with pytest.raises(ValueError, match="undecided") as refused:
+        Intersection.load(path)
+    said = str(refused.value)
+    assert said.count("before the stop line") >= 2
+    assert 'routes "E-W" and "E-W.2" conflict with equal right of way' in said
+    assert '"yields": [["E-W.2", "E-W"]]' in said
+    assert '"free"' in said
+
+
+def test_pair_declared_free_has_no_conflict(tmp_path: Path) -> None:
+    path = tmp_path / "source.json"
+    source = json.loads((MAPS / "t_junction.json").read_text())
+    path.write_text(json.dumps(source | {"free": [["S-W", "E-W"], ["W-E", "S-W"]]}))
+    found = Intersection.load(path)
+    pairs = {frozenset((found.routes[c.yielder].id, found.routes[c.prioritized].id)) for c in found.conflicts}
+    assert len(pairs) == len(Intersection.load("t_junction").conflicts) - 2
+    assert frozenset(("S-W", "E-W")) not in pairs
+    assert any({found.routes[s.a].id, found.routes[s.b].id} == {"S-W", "E-W"} for s in found.shared_lanes)
+
+
+def test_old_files_are_refused_with_what_makes_new_ones(tmp_path: Path) -> None:
+    path = tmp_path / "old.json"
+    path.write_text(json.dumps(json.loads((MAPS / "t_junction.json").read_text()) | {"version": 1}))
+    with pytest.raises(ValueError, match=r'"version" is 1, this package reads 2\. .*"version" to 2.*data\.maps'):
+        Intersection.load(path)
+    path = tmp_path / "old.map"
+    path.write_text((MAPS / "t_junction.map").read_text().replace("map 2", "map 1", 1))
+    with pytest.raises(ValueError, match=r'of version "1", .* version 2; .*python -m intersection_env\.map_compiler'):
         Intersection.load(path)
 
 

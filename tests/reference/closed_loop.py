@@ -1,6 +1,6 @@
 """One step of the closed loop, and the ends of a world."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -12,16 +12,22 @@ from tests.reference.memory import Memory
 from tests.reference.observe import Feature, Observation, alone, observe
 from tests.reference.pairs import all_pairs
 from tests.reference.reward import penalties, reward
+from tests.reference.stops import with_stops
 from tests.reference.traffic import FIELDS, TIME_STEP, Traffic
 
 
 @dataclass(frozen=True)
 class State:
-    """A world after its decisions; delta, hold: (vehicle,)."""
+    """A world after its decisions; delta, hold, waited: (vehicle,); by default nobody has waited."""
 
     traffic: Traffic
     delta: Booleans
     hold: Integers
+    waited: Integers = field(default=None)  # type: ignore[arg-type]
+
+    def __post_init__(self) -> None:
+        if self.waited is None:
+            object.__setattr__(self, "waited", np.zeros(len(self.delta), np.int64))
 
 
 @dataclass(frozen=True)
@@ -39,17 +45,18 @@ class Step:
 
 
 def decided(
-    intersection: Map, traffic: Traffic, delta: Booleans, hold: Integers, rules: Rules
+    intersection: Map, traffic: Traffic, delta: Booleans, hold: Integers, rules: Rules, waited: Integers | None = None
 ) -> tuple[State, Observation]:
-    """The traffic with its decisions, from the remembered delta and hold; and what is seen."""
+    """The traffic with its decisions, from what is remembered; and what is seen."""
     pairs = all_pairs(intersection, traffic)
-    memory = Memory(np.ones(len(traffic.route), np.bool_), delta, hold)
+    waited = np.zeros(len(delta), np.int64) if waited is None else waited
+    memory = with_stops(intersection, traffic, Memory(np.ones(len(traffic.route), np.bool_), delta, hold, waited))
     chooser = Chooser(pairs, np.zeros(len(pairs), np.int64), rules)
     seen = observe(intersection, traffic, memory, pairs)
     says = say(intersection, traffic, memory, chooser, seen)
     enters = decide(intersection, traffic, memory, says)
     seen.driving[:, Feature.DELTA] = enters
-    return State(traffic, enters, holds(intersection, traffic, memory, enters, says)), seen
+    return State(traffic, enters, holds(intersection, traffic, memory, enters, says), memory.waited), seen
 
 
 def moved(intersection: Map, traffic: Traffic, acceleration: Floats) -> tuple[Traffic, Booleans]:
@@ -83,8 +90,9 @@ def step(
     if left.any():
         assert newcomers is not None, f"vehicles {np.flatnonzero(left)} leave"
         traffic = seated(traffic, left, newcomers)
-    new, seen = decided(intersection, traffic, state.delta & ~left, np.where(left, -1, state.hold), rules)
-    involved, blamed = collisions(intersection, traffic, left)
+    memories = state.delta & ~left, np.where(left, -1, state.hold)
+    new, seen = decided(intersection, traffic, *memories, rules, np.where(left, 0, state.waited))
+    involved, blamed = collisions(intersection, traffic, left, new.waited)
     final_observation = seen.driving.copy()
     for i, features in final.items():
         final_observation[i] = features

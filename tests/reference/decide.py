@@ -11,6 +11,7 @@ from tests.reference.memory import Memory, is_settled
 from tests.reference.networks import Network, evaluate
 from tests.reference.observe import Observation
 from tests.reference.pairs import conflict_of, is_active
+from tests.reference.stops import by_arrival, still_to_stop
 from tests.reference.traffic import Traffic, distance_to_stop_line, rear, speed_limit
 
 Gap = Literal["critical_gap", "sumo", "network"]
@@ -38,7 +39,7 @@ class Says:
     """What the active pairs say to each vehicle; (vehicle,)."""
 
     refused: Booleans
-    """By the gap decision or an assignment."""
+    """By the gap decision, an assignment or the order of arrival; or it has yet to make its stop."""
     told_to_wait: Booleans
     """By an assignment."""
     kept: Booleans
@@ -74,22 +75,28 @@ def accepts_gap(
 
 def say(intersection: Map, traffic: Traffic, memory: Memory, chooser: Chooser, observation: Observation) -> Says:
     """What the pairs say before the step."""
-    refused, told_to_wait, kept = (np.zeros(len(traffic.route), dtype=np.bool_) for _ in range(3))
+    refused = still_to_stop(intersection, traffic, memory)
+    told_to_wait, kept = (np.zeros(len(traffic.route), dtype=np.bool_) for _ in range(2))
     rules = chooser.rules
     for number, pair in enumerate(chooser.pairs):
         assignment = int(chooser.assignments[number])
-        if not is_active(intersection, traffic, memory.present, pair, assignment):
+        way = assignment
+        conflict = conflict_of(intersection, traffic, int(pair[0]), int(pair[1]))
+        assert conflict is not None
+        if assignment == 0 and conflict.by_arrival:
+            way = by_arrival(intersection, traffic, memory, int(pair[0]), int(pair[1]))
+        if not is_active(intersection, traffic, memory.present, pair, way):
             continue
-        if assignment == 0:
+        if way == 0:
             if is_settled(intersection, traffic, memory, int(pair[0])) and not memory.delta[pair[1]]:
                 kept[pair[1]] = True
             features = observation.gap[number]
             if not accepts_gap(intersection, traffic, pair, features, memory.hold, rules.gap, rules.network):
                 refused[pair[0]] = True
         else:
-            second = pair[1] if assignment == 1 else pair[0]
+            second = pair[1] if way == 1 else pair[0]
             refused[second] = True
-            told_to_wait[second] = True
+            told_to_wait[second] |= assignment != 0
     return Says(refused, told_to_wait, kept)
 
 

@@ -40,6 +40,7 @@ class Route:
     id: str
     length: float
     stop_line: float
+    must_stop: bool
     stop_lane: int
     junction_begin: float
     junction_end: float
@@ -49,26 +50,34 @@ class Route:
 
 @dataclass(frozen=True)
 class Conflict:
-    """Intervals [m] on the yielder's and on the prioritized route; their ends are the PGAs."""
+    """Intervals [m] on the yielder's and on the prioritized route; their ends are the PGAs.
+
+    line: on the prioritized route [m]. by_arrival: who arrived first at an all-way stop goes first.
+    """
 
     yielder: int
     prioritized: int
     merging: bool
+    by_arrival: bool
     begin_yielder: float
     end_yielder: float
     begin_prioritized: float
     end_prioritized: float
+    line: float
 
 
 @dataclass(frozen=True)
 class SharedLane:
-    """Routes a < b share a lane before `split`, and beyond their merges with position_b = position_a + offset [m]."""
+    """Routes a < b share a lane from their begins in it on, position_b = position_a + offset [m].
+
+    It ends at `end` on a.
+    """
 
     a: int
     b: int
-    split: float
-    merge_a: float
-    merge_b: float
+    begin_a: float
+    begin_b: float
+    end: float
     offset: float
 
 
@@ -112,8 +121,8 @@ def load_map(path: str | Path) -> Map:
     if last != ["checksum", f"{zlib.crc32(body):08x}"]:
         raise ValueError(f"{path}: checksum {last[1:]}, but the bytes give {zlib.crc32(body):08x}")
     lines = iter([line.split() for line in body.decode().splitlines()])
-    if next(lines) != ["intersection_env", "map", "1"]:
-        raise ValueError(f"{path}: not an intersection_env map of version 1")
+    if next(lines) != ["intersection_env", "map", "2"]:
+        raise ValueError(f"{path}: not an intersection_env map of version 2")
     (name,) = _field(lines, "name")
     _field(lines, "locations")
     (spacing,) = _field(lines, "spacing")
@@ -123,7 +132,8 @@ def load_map(path: str | Path) -> Map:
         float(spacing),
         tuple(_route(lines) for _ in range(_count(lines, "routes"))),
         tuple(
-            Conflict(int(row[0]), int(row[1]), row[2] == "1", *map(float, row[3:])) for row in _rows(lines, "conflicts")
+            Conflict(int(row[0]), int(row[1]), row[2] == "1", row[3] == "1", *map(float, row[4:]))
+            for row in _rows(lines, "conflicts")
         ),
         tuple(SharedLane(int(row[0]), int(row[1]), *map(float, row[2:])) for row in _rows(lines, "shared_lanes")),
         tuple(Overlap(int(row[0]), int(row[1]), *map(float, row[2:])) for row in _rows(lines, "overlaps")),
@@ -153,10 +163,11 @@ def _route(lines: Iterator[list[str]]) -> Route:
     (identity,) = _field(lines, "route")
     length = float(_field(lines, "length")[0])
     stop_line = float(_field(lines, "stop_line")[0])
+    must_stop = _field(lines, "must_stop") == ["1"]
     stop_lane = int(_field(lines, "stop_lane")[0])
     begin, end = _field(lines, "junction")
     first_conflict = float(_field(lines, "first_conflict")[0])
     samples = np.array([[float(token) for token in row] for row in _rows(lines, "samples")])
     if samples.shape[1] != len(Sample):
         raise ValueError(f"map: route {identity} has samples of {samples.shape[1]} values")
-    return Route(identity, length, stop_line, stop_lane, float(begin), float(end), first_conflict, samples)
+    return Route(identity, length, stop_line, must_stop, stop_lane, float(begin), float(end), first_conflict, samples)

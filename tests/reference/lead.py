@@ -18,15 +18,14 @@ def lead_gaps(intersection: Map, traffic: Traffic, i: int, j: int) -> list[float
         gaps.append(float(s_j - s_i - bodies))
     for lane in intersection.shared_lanes:
         if (traffic.route[i], traffic.route[j]) == (lane.a, lane.b):
-            merge, there = lane.merge_b, s_j - lane.offset
+            begin, end, offset = lane.begin_b, lane.end, lane.offset
         elif (traffic.route[i], traffic.route[j]) == (lane.b, lane.a):
-            merge, there = lane.merge_a, s_j + lane.offset
+            begin, end, offset = lane.begin_a, lane.end + lane.offset, -lane.offset
         else:
             continue
-        if rear(traffic, i) < lane.split and rear(traffic, j) < lane.split and s_j > s_i:
-            gaps.append(float(s_j - s_i - bodies))
-        if front(traffic, j) > merge and there > s_i:
-            gaps.append(float(there - s_i - bodies))
+        both_before_end = rear(traffic, i) < end and rear(traffic, j) - offset < end
+        if both_before_end and front(traffic, j) > begin and s_j - offset > s_i:
+            gaps.append(float(s_j - offset - s_i - bodies))
     return gaps
 
 

@@ -1,6 +1,6 @@
 """What a vehicle remembers, and the memories at the start."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -10,11 +10,19 @@ from tests.reference.traffic import Traffic, braking_distance, distance_to_stop_
 
 @dataclass(frozen=True)
 class Memory:
-    """What a vehicle remembers; each array (vehicle,)."""
+    """What a vehicle remembers; each array (vehicle,).
+
+    waited: the steps since it stopped at its line, 0 before; by default nobody has.
+    """
 
     present: Booleans
     delta: Booleans
     hold: Integers
+    waited: Integers = field(default=None)  # type: ignore[arg-type]
+
+    def __post_init__(self) -> None:
+        if self.waited is None:
+            object.__setattr__(self, "waited", np.zeros(len(self.delta), np.int64))
 
 
 def initial_memory(intersection: Map, traffic: Traffic) -> Memory:
@@ -24,15 +32,19 @@ def initial_memory(intersection: Map, traffic: Traffic) -> Memory:
     for i in range(count):
         route = intersection.routes[traffic.route[i]]
         present[i] = traffic.position[i] < route.length
-        cannot_stop = distance_to_stop_line(intersection, traffic, i) < braking_distance(traffic, i)
-        delta[i] = cannot_stop and (traffic.speed[i] >= 1 or front(traffic, i) > route.first_conflict)
+        is_going = traffic.speed[i] >= 1 or front(traffic, i) > route.first_conflict
+        delta[i] = cannot_stop(intersection, traffic, i) and is_going
     return Memory(present, delta, np.full(count, -1, dtype=np.int64))
+
+
+def cannot_stop(intersection: Map, traffic: Traffic, i: int) -> bool:
+    """Whether the vehicle could not stop at its line any more."""
+    return distance_to_stop_line(intersection, traffic, i) < braking_distance(traffic, i)
 
 
 def is_settled(intersection: Map, traffic: Traffic, memory: Memory, i: int) -> bool:
     """Whether the vehicle goes, by its memory, and could not stop at its line any more."""
-    cannot_stop = distance_to_stop_line(intersection, traffic, i) < braking_distance(traffic, i)
-    return bool(memory.delta[i]) and cannot_stop
+    return bool(memory.delta[i]) and cannot_stop(intersection, traffic, i)
 
 
 def settled(intersection: Map, traffic: Traffic, memory: Memory | None) -> Booleans:

@@ -9,7 +9,7 @@ from tests.reference.intersection import HEADINGS, Floats, Integers, Map, sample
 from tests.reference.lead import lead
 from tests.reference.memory import Memory, initial_memory
 from tests.reference.pairs import conflict_of, conflicts
-from tests.reference.traffic import FIELDS, Traffic, distance_to_stop_line, rear, speed_limit
+from tests.reference.traffic import FIELDS, Traffic, distance_to_stop_line, front, rear, speed_limit
 
 
 class Feature(IntEnum):
@@ -37,7 +37,7 @@ def observe(
     """What the networks see now; memory and pairs default to those of a start at this moment.
 
     driving: d_stop, v, v_max, headings at -10, -3, 3, 10, 30, 100 m, d_lead, v_lead, delta.
-    gap: d_PGA of the yielder, its v, d_stop of the prioritized, its v.
+    gap: d_PGA of the yielder, its v, how far the prioritized is from the conflict's line, its v.
     """
     memory = initial_memory(intersection, traffic) if memory is None else memory
     pairs = conflicts(intersection, traffic) if pairs is None else pairs
@@ -51,7 +51,7 @@ def observe(
         conflict = conflict_of(intersection, traffic, i, j)
         assert conflict is not None
         to_guarantee = conflict.end_yielder - rear(traffic, i)
-        gap[number] = to_guarantee, traffic.speed[i], distance_to_stop_line(intersection, traffic, j), traffic.speed[j]
+        gap[number] = to_guarantee, traffic.speed[i], conflict.line - front(traffic, j), traffic.speed[j]
     return Observation(driving, gap)
 
 

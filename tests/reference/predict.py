@@ -13,6 +13,7 @@ from tests.reference.observe import Feature, observe
 from tests.reference.orders import complete
 from tests.reference.outputs import minimum_distance, overlapping, time_loss
 from tests.reference.pairs import conflicts
+from tests.reference.stops import with_stops
 from tests.reference.traffic import TIME_STEP, Traffic
 
 STEPS = 50
@@ -20,7 +21,10 @@ STEPS = 50
 
 @dataclass(frozen=True)
 class Prediction:
-    """time (time,); position, speed, acceleration, enters, present, hold (time, vehicle); time_loss (vehicle,) [s]."""
+    """time (time,); position, speed, acceleration, enters, present, hold, waited (time, vehicle).
+
+    time_loss: (vehicle,) [s].
+    """
 
     time: Floats
     position: Floats
@@ -29,6 +33,7 @@ class Prediction:
     enters: Booleans
     present: Booleans
     hold: Integers
+    waited: Integers
     time_loss: Floats
     minimum_distance: float
 
@@ -57,8 +62,9 @@ def predict(
     chooser = Chooser(pairs, complete(intersection, traffic, given, memory), Rules(gap, gap_network))
     memory = initial_memory(intersection, traffic) if memory is None else memory
     states, presences = [traffic], [memory.present]
-    enters, reached, held = [], [], []
+    enters, reached, held, waited = [], [], [], []
     for step in range(steps):
+        memory = with_stops(intersection, traffic, memory)
         observation = observe(intersection, traffic, memory, pairs)
         says = say(intersection, traffic, memory, chooser, observation)
         decided = decide(intersection, traffic, memory, says) if delta is None else delta[step].astype(np.bool_)
@@ -66,12 +72,13 @@ def predict(
         observation.driving[:, Feature.DELTA] = decided
         wanted = _wanted(intersection, traffic, observation.driving, driver, driver_network, idm_parameters)
         traffic, present, acceleration = advance(intersection, traffic, memory.present, wanted)
-        memory = Memory(present, decided, hold)
+        memory = Memory(present, decided, hold, memory.waited)
         states.append(traffic)
         presences.append(present)
         enters.append(decided)
         reached.append(acceleration)
         held.append(hold)
+        waited.append(memory.waited)
     return Prediction(
         time=np.array([TIME_STEP * step for step in range(steps + 1)]),
         position=np.array([state.position for state in states]),
@@ -80,6 +87,7 @@ def predict(
         enters=np.array([*enters, enters[-1]]),
         present=np.array(presences),
         hold=np.array([*held, held[-1]]),
+        waited=np.array([*waited, waited[-1]]),
         time_loss=time_loss(intersection, states[:-1], presences[:-1]),
         minimum_distance=min(
             minimum_distance(intersection, *moment, apart) for moment in zip(states, presences, strict=True)

@@ -7,7 +7,8 @@ import numpy as np
 
 from tests.reference.decide import Rules
 from tests.reference.intersection import Booleans, Floats, Integers, Map
-from tests.reference.pairs import all_pairs, is_active
+from tests.reference.pairs import all_pairs, conflict_of, is_active
+from tests.reference.stops import AT_LINE, STOPPED
 from tests.reference.traffic import TIME_STEP, Traffic
 
 
@@ -94,18 +95,33 @@ def yielder_was_first(recording: Recording, i: int, j: int) -> bool:
     raise ValueError(f"track {i} does not yield to {j}")
 
 
+def went_second(recording: Recording, pair: tuple[int, int]) -> int:
+    """Which of two tracks (yielder, prioritized) went second through their conflict."""
+    return pair[1] if yielder_was_first(recording, *pair) else pair[0]
+
+
+def has_waited(recording: Recording, k: int, time: int) -> int:
+    """For how many steps track k has stopped at its line or gone on from there, this one included."""
+    track = recording.scene.tracks[k]
+    road = recording.intersection.routes[track.route]
+    steps = time - track.start + 1
+    to_line = road.stop_line - (track.position[:steps] + track.length / 2)
+    stops = np.flatnonzero(road.must_stop & (track.speed[:steps] < STOPPED) & (to_line < AT_LINE))
+    return steps - int(stops[0]) if len(stops) else 0
+
+
 def was_behind(recording: Recording, j: int, i: int) -> bool:
     """Whether track j was recorded behind i where they share a lane."""
     mine, other = recording.scene.tracks[i], recording.scene.tracks[j]
     shares_entry = mine.route == other.route
     for lane in recording.intersection.shared_lanes:
         if (mine.route, other.route) == (lane.a, lane.b):
-            merge, merge_other = lane.merge_a, lane.merge_b
+            merge, merge_other = lane.begin_a, lane.begin_b
         elif (mine.route, other.route) == (lane.b, lane.a):
-            merge, merge_other = lane.merge_b, lane.merge_a
+            merge, merge_other = lane.begin_b, lane.begin_a
         else:
             continue
-        shares_entry = shares_entry or lane.split > 0
+        shares_entry = shares_entry or max(merge, merge_other) <= -1e6
         if reaches(other, merge_other) > reaches(mine, merge):
             return True
     both = max(mine.start, other.start)
@@ -119,7 +135,12 @@ def recorded_holds(recording: Recording, time: int, here: list[int]) -> Integers
     traffic = recorded_traffic(recording.scene, time, here)
     result = np.full(len(here), -1, np.int64)
     for i, j in all_pairs(recording.intersection, traffic):
-        is_open = is_active(recording.intersection, traffic, np.ones(len(here), np.bool_), np.array([i, j]), 0)
-        if is_open and not yielder_was_first(recording, here[i], here[j]):
-            result[i] = traffic.route[i]
+        conflict = conflict_of(recording.intersection, traffic, i, j)
+        assert conflict is not None
+        second = i if went_second(recording, (here[i], here[j])) == here[i] else j
+        is_open = is_active(
+            recording.intersection, traffic, np.ones(len(here), np.bool_), np.array([i, j]), 1 if second == j else 0
+        )
+        if is_open and (second == i or conflict.by_arrival):
+            result[second] = traffic.route[second]
     return result

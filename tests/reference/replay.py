@@ -4,23 +4,26 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tests.reference.collisions import collide
+from tests.reference.collisions import collide, yielder_before_pga
 from tests.reference.decide import Says, accepts_gap, decide
 from tests.reference.drive import NETWORK_ACCELERATION
-from tests.reference.intersection import Floats
-from tests.reference.memory import Memory, initial_memory
+from tests.reference.intersection import Floats, Integers
+from tests.reference.memory import Memory, cannot_stop, initial_memory
 from tests.reference.observe import Feature, alone, observe
 from tests.reference.pairs import all_pairs, conflict_of, is_active
 from tests.reference.recorded import (
     Recording,
+    has_waited,
     recorded_holds,
     recorded_traffic,
     tracks_at,
     was_behind,
+    went_second,
     yielder_was_first,
 )
 from tests.reference.reward import reward
-from tests.reference.traffic import TIME_STEP, Traffic, rear
+from tests.reference.stops import by_arrival, still_to_stop, with_stops
+from tests.reference.traffic import TIME_STEP, Traffic
 
 
 @dataclass(frozen=True)
@@ -33,6 +36,7 @@ class Ride:
     speed: float
     delta: bool
     expert_delta: bool
+    waited: int = 0
 
 
 @dataclass(frozen=True)
@@ -64,10 +68,19 @@ def traffic_around(
     return traffic, here, me
 
 
+@dataclass(frozen=True)
+class Decided:
+    """What the actor has decided, what it sees (12,), and for how long it has waited."""
+
+    delta: bool
+    features: Floats
+    waited: int
+
+
 def actor_decides(
-    recording: Recording, time: int, actor: int, position: float, speed: float, remembered: bool | None
-) -> tuple[bool, Floats]:
-    """The actor's delta and features (12,) from its remembered delta; None: its first step."""
+    recording: Recording, time: int, actor: int, position: float, speed: float, remembered: bool | None, waited: int
+) -> Decided:
+    """The actor's decision from its remembered delta and what it has waited before; None: its first step."""
     intersection, rules = recording.intersection, recording.rules
     traffic, here, me = traffic_around(recording, time, actor, position, speed)
     if remembered is None:
@@ -77,18 +90,61 @@ def actor_decides(
     delta = np.full(len(here), remembered)
     may_lead = np.array([not was_behind(recording, k, actor) for k in here])
     seen = observe(intersection, traffic, Memory(may_lead, delta, hold), pairs)
+    memory = _memories(recording, time, (traffic, here, me), (remembered, waited), hold)
     refused = np.zeros(len(here), np.bool_)
+    if rules is not None:
+        refused[me] = still_to_stop(intersection, traffic, memory)[me]
     for pair, features in zip(pairs, seen.gap, strict=True):
-        if not is_active(intersection, traffic, np.ones(len(here), np.bool_), pair, 0):
-            continue
-        if rules is None:
-            refused[me] |= not yielder_was_first(recording, actor, here[pair[1]])
-        else:
-            refused[me] |= not accepts_gap(intersection, traffic, pair, features, hold, rules.gap, rules.network)
+        if is_active(intersection, traffic, memory.present, pair, 0) and not _by_arrival(recording, traffic, pair):
+            if rules is None:
+                refused[me] |= not yielder_was_first(recording, actor, here[pair[1]])
+            else:
+                refused[me] |= not accepts_gap(intersection, traffic, pair, features, hold, rules.gap, rules.network)
+    for pair in all_pairs(intersection, traffic):
+        if me in pair and _by_arrival(recording, traffic, pair):
+            refused[me] |= _goes_second(recording, traffic, memory, pair, here, me)
     nobody = np.zeros(len(here), np.bool_)
-    memory = Memory(~nobody, delta, hold)
     seen.driving[me, Feature.DELTA] = decide(intersection, traffic, memory, Says(refused, nobody, nobody))[me]
-    return bool(seen.driving[me, Feature.DELTA]), np.asarray(seen.driving[me])
+    return Decided(bool(seen.driving[me, Feature.DELTA]), np.asarray(seen.driving[me]), int(memory.waited[me]))
+
+
+def _memories(
+    recording: Recording,
+    time: int,
+    around: tuple[Traffic, list[int], int],
+    remembered: tuple[bool, int],
+    hold: Integers,
+) -> Memory:
+    """What everybody remembers: of the others what was recorded; who can no longer stop goes."""
+    (traffic, here, me), (delta, waited) = around, remembered
+    goes = np.array([cannot_stop(recording.intersection, traffic, k) for k in range(len(here))], np.bool_)
+    since = np.array([has_waited(recording, k, time) for k in here], np.int64)
+    goes[me], since[me] = delta, waited
+    own_hold = hold.copy()
+    own_hold[me] = -1
+    memory = Memory(np.ones(len(here), np.bool_), goes, own_hold, since)
+    counted = with_stops(recording.intersection, traffic, memory).waited[me]
+    since[me] = counted if recording.rules is not None else waited
+    return memory
+
+
+def _by_arrival(recording: Recording, traffic: Traffic, pair: Integers) -> bool:
+    conflict = conflict_of(recording.intersection, traffic, int(pair[0]), int(pair[1]))
+    assert conflict is not None
+    return conflict.by_arrival
+
+
+def _goes_second(
+    recording: Recording, traffic: Traffic, memory: Memory, pair: Integers, here: list[int], me: int
+) -> bool:
+    """Whether the actor waits for the other one of an all-way stop."""
+    i, j = int(pair[0]), int(pair[1])
+    if recording.rules is None:
+        way = -1 if went_second(recording, (here[i], here[j])) == here[i] else 1
+    else:
+        way = by_arrival(recording.intersection, traffic, memory, i, j)
+    second = j if way == 1 else i
+    return second == me and is_active(recording.intersection, traffic, memory.present, pair, way)
 
 
 def begin(recording: Recording, actor: int) -> tuple[Ride, View]:
@@ -96,22 +152,37 @@ def begin(recording: Recording, actor: int) -> tuple[Ride, View]:
     track = recording.scene.tracks[actor]
     time = track.first_recorded
     position, speed = float(track.position[time - track.start]), float(track.speed[time - track.start])
-    delta, features = actor_decides(recording, time, actor, position, speed, None)
-    return Ride(actor, time, position, speed, delta, delta), View(features, features)
+    waited = waited_before(recording, actor, time)
+    decided = actor_decides(recording, time, actor, position, speed, None, waited)
+    ride = Ride(actor, time, position, speed, decided.delta, decided.delta, decided.waited)
+    return ride, View(decided.features, decided.features)
 
 
-def is_actors_fault(recording: Recording, traffic: Traffic, here: list[int], me: int, other: int) -> bool:
+def waited_before(recording: Recording, actor: int, time: int) -> int:
+    """What the recorded actor has waited before this step."""
+    return max(0, has_waited(recording, actor, time) - 1)
+
+
+def is_actors_fault(
+    recording: Recording, time: int, traffic: Traffic, here: list[int], me: int, other: int, waited: int
+) -> bool:
     """Whether a collision of the actor with another vehicle is the actor's fault: right of way, then lane order."""
-    for yielder, prioritized in ((me, other), (other, me)):
-        conflict = conflict_of(recording.intersection, traffic, yielder, prioritized)
-        if conflict is None:
-            continue
-        if recording.rules is None:
-            yielder_is_second = not yielder_was_first(recording, here[yielder], here[prioritized])
-            return (yielder if yielder_is_second else prioritized) == me
-        if rear(traffic, yielder) < conflict.end_yielder:
-            return yielder == me
-    return was_behind(recording, here[me], here[other])
+    both = [conflict_of(recording.intersection, traffic, *pair) for pair in ((me, other), (other, me))]
+    conflicts = [one for one in both if one is not None]
+    if len(conflicts) == 1 and recording.rules is None:
+        pair = (me, other) if both[0] is not None else (other, me)
+        return went_second(recording, (here[pair[0]], here[pair[1]])) == here[me]
+    found = yielder_before_pga(recording.intersection, traffic, me, other)
+    if found is None:
+        return was_behind(recording, here[me], here[other])
+    yielder, conflict = found
+    pair = (yielder, other if yielder == me else me)
+    if recording.rules is None:
+        return went_second(recording, (here[pair[0]], here[pair[1]])) == here[me]
+    theirs = has_waited(recording, here[other], time)
+    if conflict.by_arrival and waited != theirs:
+        return waited < theirs
+    return yielder == me
 
 
 def ride_on(recording: Recording, ride: Ride, action: float) -> RideStep:
@@ -123,22 +194,24 @@ def ride_on(recording: Recording, ride: Ride, action: float) -> RideStep:
     acceleration = (speed - ride.speed) / TIME_STEP  # as reached, which the reward is about
     time = ride.time + 1
     at, fast = float(track.position[time - track.start]), float(track.speed[time - track.start])
-    expert_delta, expert_sees = actor_decides(recording, time, actor, at, fast, ride.expert_delta)
+    before = waited_before(recording, actor, time)
+    expert = actor_decides(recording, time, actor, at, fast, ride.expert_delta, before)
     traffic, here, me = traffic_around(recording, time, actor, position, speed)
     if position >= intersection.routes[track.route].length:
         features = alone(intersection, traffic, me)
-        ride = Ride(actor, time, position, speed, True, expert_delta)
-        return RideStep(ride, View(features, expert_sees), reward(features, acceleration, False), False, True)
-    delta, features = actor_decides(recording, time, actor, position, speed, ride.delta)
+        ride = Ride(actor, time, position, speed, True, expert.delta, ride.waited)
+        return RideStep(ride, View(features, expert.features), reward(features, acceleration, False), False, True)
+    decided = actor_decides(recording, time, actor, position, speed, ride.delta, ride.waited)
     fault = any(
-        collide(intersection, traffic, me, other) and is_actors_fault(recording, traffic, here, me, other)
+        collide(intersection, traffic, me, other)
+        and is_actors_fault(recording, time, traffic, here, me, other, decided.waited)
         for other in range(len(here))
         if other != me
     )
     return RideStep(
-        ride=Ride(actor, time, position, speed, delta, expert_delta),
-        view=View(features, expert_sees),
-        reward=reward(features, acceleration, fault),
+        ride=Ride(actor, time, position, speed, decided.delta, expert.delta, decided.waited),
+        view=View(decided.features, expert.features),
+        reward=reward(decided.features, acceleration, fault),
         terminated=fault,
         truncated=not fault and time == track.stop - 1,
     )

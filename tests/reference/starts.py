@@ -31,11 +31,11 @@ def newcomer_distance(intersection: Map, traffic: Traffic, left: Booleans, i: in
 
 def violations(intersection: Map, state: State) -> list[str]:
     """The constraints of a start that a state violates, in words."""
-    there = Memory(np.ones(len(state.delta), np.bool_), state.delta, state.hold)
+    there = Memory(np.ones(len(state.delta), np.bool_), state.delta, state.hold, state.waited)
     seen = observe(intersection, state.traffic, there, np.zeros((0, 2), np.int64)).driving
     found = []
     for i, features in enumerate(seen):
         if penalties(features).violate(slow_counts=True):
             found.append(f"vehicle {i}: {penalties(features)}")
-    involved, _ = collisions(intersection, state.traffic, np.zeros(len(state.delta), np.bool_))
+    involved, _ = collisions(intersection, state.traffic, np.zeros(len(state.delta), np.bool_), state.waited)
     return [*found, *(f"vehicle {i} collides" for i in np.flatnonzero(involved))]

@@ -20,7 +20,7 @@ def single_lane_source() -> str:
     routes = {f"{a}-{b}": {"approach": [f"{a}_in"], "exit": [f"{b}_out"]} for a in ARMS for b in ARMS if a != b}
     source = {
         "format": "intersection_env map source",
-        "version": 1,
+        "version": 2,
         "name": "single_lane",
         "locations": [],
         "arms": {name: {"right_of_way": "priority", "speed_limit_kmh": 30} for name in ARMS},

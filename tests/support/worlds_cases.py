@@ -78,6 +78,7 @@ def core_of(states: Sequence[State], cycle: int = 0) -> Arrays:
         "acceleration": stacked([np.zeros(len(state.delta)) for state in states], np.float32),
         "delta": stacked([state.delta for state in states], np.bool_),
         "hold": stacked([state.hold for state in states], np.int32),
+        "waited": stacked([state.waited for state in states], np.int32),
         "cycle": np.full(worlds, cycle, np.int32),
         "done": np.zeros(worlds, np.bool_),
         "random": np.arange(1, 8 * worlds + 1, dtype=np.uint32).reshape(worlds, 8),
@@ -92,6 +93,7 @@ def twin_of(state: Arrays, world: int) -> State:
         ),
         state["delta"][world].astype(np.bool_),
         state["hold"][world].astype(np.int64),
+        state["waited"][world].astype(np.int64),
     )
 
 
@@ -148,7 +150,9 @@ def random_state(name: str, generator: np.random.Generator, vehicles: int, rules
     )
     if generator.random() < 0.5:
         hold = generator.integers(-1, len(intersection.routes), vehicles)
-        return State(traffic, generator.random(vehicles) < 0.5, hold)
+        stops = np.array([intersection.routes[route].must_stop for route in traffic.route])
+        waited = generator.integers(0, 3, vehicles) * stops
+        return State(traffic, generator.random(vehicles) < 0.5, hold, waited)
     memory = reference.initial_memory(intersection, traffic)
     return reference_worlds.decided(intersection, traffic, memory.delta, memory.hold, rules)[0]
 
@@ -159,6 +163,7 @@ def agrees(seen: Arrays, after: State, truth: reference_worlds.Step) -> str:
     wrong += ["done"] if bool(seen["done"]) != truth.done else []
     wrong += ["delta"] if (after.delta != truth.state.delta).any() else []
     wrong += ["hold"] if (after.hold != truth.state.hold).any() else []
+    wrong += ["waited"] if (after.waited != truth.state.waited).any() else []
     flagged = truth.terminated | truth.truncated | truth.reinserted
     pairs = [
         ("observation", seen["observation"], truth.observation, OBSERVATION_TOLERANCE),
@@ -200,6 +205,7 @@ def is_on_a_knife_edge(
         same = same and nudged.done == truth.done
         same = same and bool((nudged.state.delta == truth.state.delta).all())
         same = same and bool((nudged.state.hold == truth.state.hold).all())
+        same = same and bool((nudged.state.waited == truth.state.waited).all())
         near = np.allclose(nudged.observation, truth.observation, atol=0.01)
         if not (same and near and np.allclose(nudged.reward, truth.reward, atol=0.2)):
             return True

@@ -12,6 +12,7 @@ from intersection_env import _core
 from intersection_env.features import Driving
 from tests.reference import predictor as reference
 from tests.reference import worlds as reference_worlds
+from tests.reference.replay import waited_before
 from tests.reference.worlds import Recording, Ride, RideStep, ride_on
 from tests.support.recorded_windows import DECISIONS, MAP, Windows, recorded_windows, replayed_windows, rules_of
 from tests.support.replay_cases import can_act
@@ -31,13 +32,18 @@ def ride_of(state: Arrays, world: int, track: int) -> Ride:
         float(state["speed"][world]),
         bool(state["delta"][world]),
         bool(state["expert_delta"][world]),
+        int(state["waited"][world]),
     )
 
 
 def differs(seen: Arrays, after: Ride, truth: RideStep) -> str:
     """What the core's world does not share with its twin's; empty if nothing."""
     wrong = [name for name in ("terminated", "truncated") if bool(seen[name]) != getattr(truth, name)]
-    wrong += [name for name in ("delta", "expert_delta", "time") if getattr(after, name) != getattr(truth.ride, name)]
+    wrong += [
+        name
+        for name in ("delta", "expert_delta", "waited", "time")
+        if getattr(after, name) != getattr(truth.ride, name)
+    ]
     numbers: list[tuple[str, Any, Any, float]] = [
         ("observation", seen["observation"], truth.view.observation, OBSERVATION_TOLERANCE),
         ("expert_observation", seen["expert_observation"], truth.view.expert_observation, OBSERVATION_TOLERANCE),
@@ -71,7 +77,7 @@ def is_on_a_knife_edge(recording: Recording, ride: Ride, action: float) -> bool:
 
 
 def differs_much(seen: dict[str, Any], after: Ride, nudged: RideStep) -> bool:
-    same = all(getattr(after, name) == getattr(nudged.ride, name) for name in ("delta", "expert_delta"))
+    same = all(getattr(after, name) == getattr(nudged.ride, name) for name in ("delta", "expert_delta", "waited"))
     same = same and all(seen[name] == getattr(nudged, name) for name in ("terminated", "truncated"))
     near = np.allclose(seen["observation"], nudged.view.observation, atol=0.01)
     near = near and np.allclose(seen["expert_observation"], nudged.view.expert_observation, atol=0.01)
@@ -116,6 +122,7 @@ def place(loop: _core.Replay, rides: list[tuple[int, Ride]]) -> None:
             "acceleration": np.zeros(len(rides), np.float32),
             "delta": np.array([ride.delta for _, ride in rides]),
             "expert_delta": np.array([ride.expert_delta for _, ride in rides]),
+            "waited": np.array([ride.waited for _, ride in rides], np.int32),
             "done": np.zeros(len(rides), np.bool_),
         }
     )
@@ -192,9 +199,11 @@ def test_expert_is_followed_to_the_end_whatever_the_actor_does() -> None:
             loop.step()
             time = int(loop.time[0])
             at, fast = float(one.position[time - one.start]), float(one.speed[time - one.start])
-            delta, features = reference_worlds.actor_decides(recording, time, track, at, fast, delta)
-            np.testing.assert_allclose(loop.expert_observation[0, SEEN], features[SEEN], atol=1e-3)
-            wrong += bool(loop.expert_observation[0, Driving.ENTERS] != features[Driving.ENTERS])
+            waited = waited_before(recording, track, time)
+            decided = reference_worlds.actor_decides(recording, time, track, at, fast, delta, waited)
+            delta = decided.delta
+            np.testing.assert_allclose(loop.expert_observation[0, SEEN], decided.features[SEEN], atol=1e-3)
+            wrong += bool(loop.expert_observation[0, Driving.ENTERS] != decided.features[Driving.ENTERS])
             assert float(loop.expert_acceleration[0]) == pytest.approx(one.acceleration(time), abs=1e-4)
             compared += 1
     assert compared > 60

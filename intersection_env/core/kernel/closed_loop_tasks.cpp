@@ -86,16 +86,18 @@ void write_results(const ClosedLoopArguments& g, ClosedLoopLanes& run, Ints ran,
 // What the state says, seen again; decisions stay as they are.
 template <Gap GAP>
 void look(const ClosedLoopArguments& g, World& world) {
-    Ints delta[MAX_VEHICLES], hold[MAX_VEHICLES];
+    Ints delta[MAX_VEHICLES], hold[MAX_VEHICLES], waited[MAX_VEHICLES];
     for (int i = 0; i < g.vehicles; ++i) {
         delta[i] = world.slots[i].delta;
         hold[i] = world.slots[i].hold;
+        waited[i] = world.slots[i].waited;
         observe_vehicle(g.map, world.slots[i]);
     }
     decide<GAP>(g.map, g.gap_network, g.vehicles, false, world);
     for (int i = 0; i < g.vehicles; ++i) {
         world.slots[i].delta = delta[i];
         world.slots[i].hold = hold[i];
+        world.slots[i].waited = waited[i];
     }
 }
 

@@ -5,6 +5,7 @@
 #include "kernel/step/drive.hpp"
 #include "kernel/step/observe.hpp"
 #include "kernel/step/safety.hpp"
+#include "kernel/step/stops.hpp"
 
 namespace intersection_env::INTERSECTION_ENV_ISA {
 namespace {
@@ -14,7 +15,7 @@ constexpr int MAX_ROWS = MAX_VEHICLES / WIDTH;
 // A row of vehicles.
 struct VehicleRow : VehicleLanes {
     Floats half_length, max_speed, stop_line, route_length, last_row, time_loss;
-    Ints first_row, route, present;
+    Ints first_row, route, present, must_stop;
 
     Ints first() const { return first_row; }
     Floats last() const { return last_row; }
@@ -26,6 +27,7 @@ struct OneScenario {
     int count;                                                   // of rows
     Floats position[MAX_ROWS], speed[MAX_ROWS], v_max[MAX_ROWS]; // to pick from; who is absent stands far away
     Ints hold[MAX_ROWS];
+    Ints turn[MAX_ROWS];                                // at an all-way stop
     Ints settled[MAX_ROWS], enters[MAX_ROWS];           // masks, from before this step
     Ints decided[MAX_ROWS];                             // masks: no gap decision changes what they do at this step
     std::uint64_t refused, refused_by_assignment, kept; // one bit a vehicle
@@ -48,6 +50,8 @@ void start(const LaneProblem& p, OneScenario& run) {
         row.speed = lanes_at(p.speed + at);
         row.delta = lanes_at(p.delta + at);
         row.hold = lanes_at(p.hold + at);
+        row.waited = lanes_at(p.waited + at);
+        row.must_stop = lanes_at(p.must_stop + at);
         row.present = row.position < row.route_length;
         row.time_loss = all(0.0F);
     }
@@ -62,6 +66,17 @@ void publish(OneScenario& run) {
     }
 }
 
+// Of a row of vehicles.
+void remember_stops(const Problem& problem, int r, OneScenario& run) {
+    VehicleRow& row = run.rows[r];
+    row.refused = Ints{};
+    remember_stop(row.must_stop, row.present, row);
+    run.turn[r] = turn(row.waited, row.hold == problem.route_count, run.settled[r],
+                       row.distance_to_stop_line < row.braking_distance);
+    run.refused |= std::uint64_t{bits(row.refused)} << (r * WIDTH);
+    run.decided[r] |= row.refused;
+}
+
 void observe(const Problem& problem, OneScenario& run) {
     const LaneProblem& p = problem.lanes;
     for (int r = 0; r < run.count; ++r) {
@@ -70,18 +85,20 @@ void observe(const Problem& problem, OneScenario& run) {
         run.v_max[r] = row.v_max();
         run.enters[r] = row.delta;
         run.settled[r] = run.decided[r] = settled(row);
+        if (problem.has_stops) {
+            remember_stops(problem, r, run);
+        }
         forget_lead(row);
         for (int k = 0; k < p.candidates; ++k) {
             const long at = static_cast<long>(k) * p.padded_vehicles + static_cast<long>(r) * WIDTH;
             const Ints other = lanes_at(p.other + at);
             const Floats half_length = lanes_at(p.other_half_length + at);
-            const Floats split = lanes_at(p.split + at), merge = lanes_at(p.merge + at);
+            const Floats begin = lanes_at(p.begin + at), end = lanes_at(p.end + at);
             const Floats position = pick(run.position, run.count, other), speed = pick(run.speed, run.count, other);
-            const Floats ahead = position - lanes_at(p.offset + at) - row.position;
-            const Ints entry = (row.rear < split) & (position - half_length < split);
+            const Floats there = position - lanes_at(p.offset + at), ahead = there - row.position;
+            const Ints in_lane = (row.rear < end) & (there - half_length < end) & (position + half_length > begin);
             const Ints held = pick(run.hold, run.count, other) | lanes_at(p.other_stop_lane + at);
-            follow(row, (ahead > 0.0F) & (entry | (position + half_length > merge)),
-                   ahead - (row.half_length + half_length), speed, held);
+            follow(row, (ahead > 0.0F) & in_lane, ahead - (row.half_length + half_length), speed, held);
         }
     }
 }
@@ -107,11 +124,19 @@ struct PairRow {
     Floats end_i, end_j, half_i, half_j, position_i, position_j, rear_i, rear_j;
 };
 
-// The pairs from `first` on.
-PairRow pairs_at(const LaneProblem& p, const std::int32_t* assignments, long first, const OneScenario& run) {
+// The pairs from `first` on; by_arrival: whether who arrived first goes first, where that counts, as if assigned.
+PairRow pairs_at(const Problem& problem, const std::int32_t* assignments, long first, bool by_arrival,
+                 const OneScenario& run) {
+    const LaneProblem& p = problem.lanes;
     PairRow row;
     row.i = lanes_at(p.yielder + first), row.j = lanes_at(p.prioritized + first);
     row.assignment = lanes_at(assignments + first);
+    if (by_arrival) {
+        const Ints way =
+            INTERSECTION_ENV_ISA::by_arrival(pick(run.turn, run.count, row.i), pick(run.turn, run.count, row.j),
+                                             pick(run.hold, run.count, row.j), lanes_at(p.yielder_route + first));
+        row.assignment = (row.assignment == 0) & (lanes_at(p.by_arrival + first) != 0) ? way : row.assignment;
+    }
     row.end_i = lanes_at(p.yielder_end + first), row.end_j = lanes_at(p.prioritized_end + first);
     row.half_i = lanes_at(p.yielder_half_length + first), row.half_j = lanes_at(p.prioritized_half_length + first);
     row.position_i = pick(run.position, run.count, row.i), row.position_j = pick(run.position, run.count, row.j);
@@ -126,18 +151,18 @@ PairRow pairs_at(const LaneProblem& p, const std::int32_t* assignments, long fir
 void decide_pairs(const Problem& problem, const std::int32_t* assignments, long first, OneScenario& run) {
     const LaneProblem& p = problem.lanes;
     const auto [i, j, assignment, active, end_i, end_j, half_i, half_j, position_i, position_j, rear_i, rear_j] =
-        pairs_at(p, assignments, first, run);
+        pairs_at(problem, assignments, first, problem.has_stops, run);
     const Ints open = active & (assignment == 0) & (pick(run.hold, run.count, j) <= lanes_at(p.yielder_route + first));
     const Ints to_i = active & (assignment < 0), to_j = active & (assignment > 0);
     const Ints asked = open & ~pick(run.decided, run.count, i);
     std::uint64_t refused = 0;
     if (any(asked)) {
-        const Floats front_j = position_j + half_j, stop_j = lanes_at(p.prioritized_stop_line + first);
+        const Floats front_j = position_j + half_j, line_j = lanes_at(p.prioritized_line + first);
         Encounter met = {end_i - rear_i,
                          pick(run.speed, run.count, i),
                          all(1.0F),
                          all(0.0F),
-                         stop_j - front_j,
+                         line_j - front_j,
                          pick(run.speed, run.count, j),
                          all(1.0F),
                          end_j - rear_j,
@@ -149,10 +174,13 @@ void decide_pairs(const Problem& problem, const std::int32_t* assignments, long 
         }
         refused = vehicles_of(bits(asked & ~accepts_gap(problem.gap, problem.gap_network, met)), p.yielder + first);
     }
-    const std::uint64_t assigned =
-        vehicles_of(bits(to_i), p.yielder + first) | vehicles_of(bits(to_j), p.prioritized + first);
+    const auto seconds = [&](Ints yielders, Ints others) {
+        return vehicles_of(bits(yielders), p.yielder + first) | vehicles_of(bits(others), p.prioritized + first);
+    };
+    const std::uint64_t assigned = seconds(to_i, to_j);
     run.refused |= refused | assigned;
-    run.refused_by_assignment |= assigned;
+    const Ints told = lanes_at(assignments + first) != 0;
+    run.refused_by_assignment |= problem.has_stops ? seconds(to_i & told, to_j & told) : assigned;
     const Ints kept = active & (assignment == 0) & pick(run.settled, run.count, i) & ~pick(run.enters, run.count, j);
     run.kept |= vehicles_of(bits(kept), p.prioritized + first);
     for (int r = 0; r < run.count; ++r) {
@@ -202,7 +230,7 @@ bool disobeyed(const Problem& problem, const std::int32_t* assignments, const On
     const LaneProblem& p = problem.lanes;
     Ints found{};
     for (long first = 0; first < problem.pair_count; first += WIDTH) {
-        const PairRow row = pairs_at(p, assignments, first, run);
+        const PairRow row = pairs_at(problem, assignments, first, false, run);
         found |= disobeys(row.active, row.assignment, row.position_i + row.half_i - lanes_at(p.yielder_entry + first),
                           row.position_j + row.half_j - lanes_at(p.prioritized_entry + first));
     }
@@ -241,6 +269,9 @@ void move(const Problem& problem, float inverse_root, const Trajectories& t, int
             if (t.hold != nullptr) {
                 store(t.hold + static_cast<long>(at) * count, r, count, row.hold);
             }
+            if (t.waited != nullptr) {
+                store(t.waited + static_cast<long>(at) * count, r, count, row.waited);
+            }
         }
     }
 }
@@ -269,8 +300,8 @@ void predict_one_scenario(const Problem& problem, const ScenarioArguments& argum
     start(p, run);
     for (int step = 0; step < STEPS; ++step) {
         publish(run);
-        observe(problem, run);
         run.refused = run.refused_by_assignment = run.kept = 0;
+        observe(problem, run);
         for (long first = 0; first < problem.pair_count; first += WIDTH) {
             decide_pairs(problem, assignments, first, run);
         }

@@ -19,6 +19,7 @@ ReplayState<LanesPointer> state_of(ReplayLanes& run) {
             .acceleration = &run.acting.acceleration,
             .delta = &run.acting.delta,
             .expert_delta = &run.expert.delta,
+            .waited = &run.acting.waited,
             .ended = &run.ended,
             .random = run.random.s};
 }

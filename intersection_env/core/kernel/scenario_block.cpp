@@ -4,6 +4,7 @@
 #include "kernel/step/drive.hpp"
 #include "kernel/step/observe.hpp"
 #include "kernel/step/safety.hpp"
+#include "kernel/step/stops.hpp"
 #include "kernel/step/vehicle.hpp"
 
 namespace intersection_env::INTERSECTION_ENV_ISA {
@@ -13,6 +14,7 @@ struct PredictedVehicle : VehicleLanes {
     Ints present;
     Floats time_loss;
     Ints refused_by_assignment; // mask, from the pairs
+    Ints turn;                  // at an all-way stop
 };
 
 struct ScenarioBlock {
@@ -31,6 +33,7 @@ void start(const Problem& problem, const ScenarioArguments& arguments, ScenarioB
         vehicle.present = all_ints(known.position < known.route_length ? -1 : 0);
         vehicle.delta = all_ints(known.delta ? -1 : 0);
         vehicle.hold = all_ints(known.hold);
+        vehicle.waited = all_ints(known.waited);
     }
     for (int p = 0; p < pairs; ++p) {
         block.assignments[p] = Ints{};
@@ -51,10 +54,11 @@ void observe_lead(const Problem& problem, ScenarioBlock& block, int i) {
         const PredictedVehicle& other = block.vehicles[candidate.other];
         const Floats ahead = other.position - candidate.offset - ego.position;
         Ints leads = other.present & (ahead > 0.0F);
-        if (candidate.after_merge) {
-            leads &= other.front > candidate.merge;
-        } else {
-            leads &= (ego.rear < candidate.split) & (other.rear < candidate.split);
+        if (candidate.begin > -FAR) {
+            leads &= other.front > candidate.begin;
+        }
+        if (candidate.end < FAR) {
+            leads &= (ego.rear < candidate.end) & (other.rear - candidate.offset < candidate.end);
         }
         follow(ego, leads, ahead - candidate.half_lengths, other.speed,
                candidate.same_stop_lane ? other.hold : all_ints(-1));
@@ -63,7 +67,7 @@ void observe_lead(const Problem& problem, ScenarioBlock& block, int i) {
 
 Encounter encounter(const ProblemPair& pair, const ScenarioBlock& block) {
     return encounter(block.vehicles[pair.yielder], all(pair.yielder_end), block.vehicles[pair.prioritized],
-                     all(pair.prioritized_end), all_ints(pair.merging ? -1 : 0));
+                     all(pair.line), all(pair.prioritized_end), all_ints(pair.merging ? -1 : 0));
 }
 
 // Mask: both are there, and the second must still let the first pass.
@@ -74,22 +78,37 @@ Ints active(const ProblemPair& pair, Ints assignment, const ScenarioBlock& block
     return i.present & j.present & (assignment > 0 ? second_is_prioritized : second_is_yielder);
 }
 
-// Assigned priorities first, then the rule or the gap network.
+// Needs observe_road of every vehicle first.
+void remember_stops(const Problem& problem, ScenarioBlock& block) {
+    for (int i = 0; i < problem.vehicle_count; ++i) {
+        PredictedVehicle& vehicle = block.vehicles[i];
+        remember_stop(all_ints(problem.vehicles[i].must_stop ? -1 : 0), vehicle.present, vehicle);
+        vehicle.turn = turn(vehicle.waited, vehicle.hold == problem.route_count, settled(vehicle),
+                            vehicle.distance_to_stop_line < vehicle.braking_distance);
+    }
+}
+
+// Assigned priorities first, then the order of arrival, or the rule or the gap network.
 void decide_pair(const Problem& problem, const ProblemPair& pair, Ints assignment, ScenarioBlock& block) {
     PredictedVehicle &i = block.vehicles[pair.yielder], &j = block.vehicles[pair.prioritized];
-    const Ints open_pair = active(pair, assignment, block);
-    const Ints assigned_to_i = open_pair & (assignment < 0), assigned_to_j = open_pair & (assignment > 0);
-    const Ints unassigned = open_pair & (assignment == 0),
-               open = unassigned & (j.hold <= problem.vehicles[pair.yielder].route);
-    i.refused |= assigned_to_i;
+    const int route = problem.vehicles[pair.yielder].route;
+    Ints way = assignment, told = all_ints(-1);
+    if (pair.by_arrival) {
+        told = assignment != 0;
+        way = told ? assignment : by_arrival(i.turn, j.turn, j.hold, all_ints(route));
+    }
+    const Ints open_pair = active(pair, way, block);
+    const Ints to_i = open_pair & (way < 0), to_j = open_pair & (way > 0);
+    const Ints unassigned = open_pair & (way == 0), open = unassigned & (j.hold <= route);
+    i.refused |= to_i;
     const Ints asked = open & ~i.refused & ~settled(i); // elsewhere the answer changes nothing
     if (any(asked)) {
         i.refused |= asked & ~accepts_gap(problem.gap, problem.gap_network, encounter(pair, block));
     }
-    i.refused_by_assignment |= assigned_to_i;
-    j.refused |= assigned_to_j;
+    i.refused_by_assignment |= to_i & told;
+    j.refused |= to_j;
     j.kept |= unassigned & settled(i) & ~j.delta;
-    j.refused_by_assignment |= assigned_to_j;
+    j.refused_by_assignment |= to_j & told;
 }
 
 void observe_and_decide(const Problem& problem, bool headings, ScenarioBlock& block) {
@@ -101,6 +120,9 @@ void observe_and_decide(const Problem& problem, bool headings, ScenarioBlock& bl
         observe_road(problem.observed, problem.inverse_spacing, same, headings, block.vehicles[i]);
         PredictedVehicle& vehicle = block.vehicles[i];
         vehicle.refused = vehicle.refused_by_assignment = vehicle.kept = Ints{};
+    }
+    if (problem.has_stops) {
+        remember_stops(problem, block);
     }
     for (int i = 0; i < count; ++i) {
         observe_lead(problem, block, i);
@@ -177,6 +199,9 @@ void store_action(const ScenarioArguments& arguments, long count, long time, lon
     store(arguments.trajectories.enters, arguments, count, time, i, vehicle.delta & 1);
     if (arguments.trajectories.hold != nullptr) {
         store(arguments.trajectories.hold, arguments, count, time, i, vehicle.hold);
+    }
+    if (arguments.trajectories.waited != nullptr) {
+        store(arguments.trajectories.waited, arguments, count, time, i, vehicle.waited);
     }
 }
 

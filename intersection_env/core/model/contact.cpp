@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "model/circles.hpp"
 #include "model/rectangle.hpp"
@@ -29,12 +30,10 @@ bool can_touch(const Map& map, const Body& a, const Body& b) {
     if (a.route == b.route) {
         return true;
     }
-    const Overlap* overlap = map.overlap(a.route, b.route);
-    if (overlap == nullptr) {
-        return false;
-    }
-    const bool in_order = overlap->a == a.route;
-    return meets(a, in_order ? overlap->on_a : overlap->on_b) && meets(b, in_order ? overlap->on_b : overlap->on_a);
+    return std::ranges::any_of(map.overlaps_of(a.route, b.route), [&](const Overlap& row) {
+        const Overlap overlap = row.seen_from(a.route);
+        return meets(a, overlap.on_a) && meets(b, overlap.on_b);
+    });
 }
 
 // Between the borders of their circles [m]; NO_DISTANCE where they cannot touch.
@@ -50,18 +49,15 @@ float ahead(const Map& map, const Body& a, const Body& b) {
     if (a.route == b.route) {
         return b.position - a.position;
     }
-    const SharedLane* shared = map.shared_lane(a.route, b.route);
-    if (shared == nullptr) {
-        return 0.0F;
+    for (const SharedLane& row : map.shared_lanes_of(a.route, b.route)) {
+        const SharedLane lane = row.seen_from(a.route);
+        const float there = b.position - lane.offset, between = there - a.position;
+        const bool before_end = a.rear() < lane.end && there - 0.5F * b.length < lane.end;
+        if (before_end && (between > 0.0F ? b.front() > lane.begin_b : a.front() > lane.begin_a)) {
+            return between;
+        }
     }
-    if (a.rear() < shared->split && b.rear() < shared->split) {
-        return b.position - a.position;
-    }
-    const bool in_order = shared->a == a.route;
-    const float offset = in_order ? shared->offset : -shared->offset, between = b.position - offset - a.position;
-    const float merge_a = in_order ? shared->merge_a : shared->merge_b;
-    const float merge_b = in_order ? shared->merge_b : shared->merge_a;
-    return (between > 0.0F ? b.front() > merge_b : a.front() > merge_a) ? between : 0.0F;
+    return 0.0F;
 }
 
 } // namespace
@@ -89,12 +85,25 @@ bool collide(const Map& map, const Body& a, const Body& b, float braking_a, floa
     return between_circles(map, braked_a, braked_b) < COLLISION_DISTANCE;
 }
 
-Blame to_blame(const Map& map, const Body& a, const Body& b) {
-    if (const Conflict* conflict = map.conflict(a.route, b.route)) {
-        const bool a_yields = conflict->yielder == a.route;
-        if ((a_yields ? a : b).rear() < conflict->on_yielder.end) {
-            return {a_yields, !a_yields};
+const Conflict* conflict_before_pga(const Map& map, const Body& a, const Body& b) {
+    const Conflict* nearest = nullptr;
+    float least = 0.0F;
+    for (const auto& [own, other] : {std::pair(&a, &b), std::pair(&b, &a)}) {
+        const Conflict* conflict = map.conflict(own->route, other->route);
+        const float to_pga = conflict == nullptr ? 0.0F : conflict->on_yielder.end - own->rear();
+        if (to_pga > 0.0F && (nearest == nullptr || to_pga < least)) {
+            nearest = conflict;
+            least = to_pga;
         }
+    }
+    return nearest;
+}
+
+Blame to_blame(const Map& map, const Body& a, const Body& b) {
+    if (const Conflict* conflict = conflict_before_pga(map, a, b)) {
+        const bool a_yields = conflict->yielder == a.route;
+        const bool a_later = conflict->by_arrival && a.waited != b.waited ? a.waited < b.waited : a_yields;
+        return {a_later, !a_later};
     }
     const float between = ahead(map, a, b);
     return {between >= 0.0F, between <= 0.0F};

@@ -12,6 +12,7 @@ constexpr float COLLISION_DISTANCE = 0.5F; // [m], paper, Table II, row 9
 struct Body {
     int route;
     float position, length, width;
+    std::int32_t waited = 0; // as in Traffic
 
     float front() const { return position + 0.5F * length; }
     float rear() const { return position - 0.5F * length; }
@@ -28,6 +29,10 @@ float clearance(const Map& map, const Body& a, const Body& b);
 // As the worlds see it: the borders of their circles are nearer than COLLISION_DISTANCE now, or once both have braked,
 // which takes them `braking_a` and `braking_b` metres.
 bool collide(const Map& map, const Body& a, const Body& b, float braking_a, float braking_b);
+
+// The conflict that one of two vehicles yields in and is before its PGA of; the nearer PGA's where both are. Null if
+// there is none.
+const Conflict* conflict_before_pga(const Map& map, const Body& a, const Body& b);
 
 // By right of way, then by the order in the lane; both where neither says anything.
 struct Blame {

@@ -10,6 +10,7 @@ namespace {
 constexpr int MOST_ROUTES_IN_FILE = 256;
 constexpr int MAX_SAMPLES = 100000;
 constexpr int SAMPLE_COLUMNS = 11;
+constexpr int MOST_SHARED = 2, MOST_OVERLAPS = 4; // of two routes
 
 Interval interval(const TextReader& reader, float begin, float end) {
     if (!(begin <= end)) {
@@ -23,6 +24,7 @@ Route read_route(TextReader& reader) {
     route.id = reader.word("route");
     route.length = reader.floats("length", 1)[0];
     route.stop_line = reader.floats("stop_line", 1)[0];
+    route.must_stop = reader.count("must_stop", 0, 1) == 1;
     route.stop_lane = static_cast<int>(reader.count("stop_lane", 0, MOST_ROUTES_IN_FILE - 1));
     const std::vector<float> junction = reader.floats("junction", 2);
     route.junction = interval(reader, junction[0], junction[1]);
@@ -45,7 +47,8 @@ Route read_route(TextReader& reader) {
 Map Map::read(const std::string& path) { return parse(read_file(path), path); }
 
 Map Map::parse(std::string text, std::string where) {
-    TextReader reader(std::move(text), std::move(where), "intersection_env map", 1, 1);
+    TextReader reader(std::move(text), std::move(where), "intersection_env map", 2, 2,
+                      "; compile its source anew: python -m intersection_env.map_compiler SOURCE.json OUT.map");
     Map map;
     map.checksum = reader.checksum();
     map.name = reader.word("name");
@@ -80,17 +83,17 @@ Map Map::parse(std::string text, std::string where) {
     const int last = static_cast<int>(routes) - 1;
     const std::int64_t pairs = routes * routes;
     for (std::int64_t k = reader.count("conflicts", 0, pairs); k > 0; --k) {
-        const std::vector<float> row = reader.floats("", 7);
+        const std::vector<float> row = reader.floats("", 9);
         map.conflicts.push_back({reader.whole(row[0], 0, last), reader.whole(row[1], 0, last),
-                                 reader.whole(row[2], 0, 1) == 1, interval(reader, row[3], row[4]),
-                                 interval(reader, row[5], row[6])});
+                                 reader.whole(row[2], 0, 1) == 1, reader.whole(row[3], 0, 1) == 1,
+                                 interval(reader, row[4], row[5]), interval(reader, row[6], row[7]), row[8]});
     }
-    for (std::int64_t k = reader.count("shared_lanes", 0, pairs); k > 0; --k) {
+    for (std::int64_t k = reader.count("shared_lanes", 0, MOST_SHARED * pairs); k > 0; --k) {
         const std::vector<float> row = reader.floats("", 6);
         map.shared_lanes.push_back(
             {reader.whole(row[0], 0, last), reader.whole(row[1], 0, last), row[2], row[3], row[4], row[5]});
     }
-    for (std::int64_t k = reader.count("overlaps", 0, pairs); k > 0; --k) {
+    for (std::int64_t k = reader.count("overlaps", 0, MOST_OVERLAPS * pairs); k > 0; --k) {
         const std::vector<float> row = reader.floats("", 6);
         map.overlaps.push_back({reader.whole(row[0], 0, last), reader.whole(row[1], 0, last),
                                 interval(reader, row[2], row[3]), interval(reader, row[4], row[5])});
@@ -102,24 +105,38 @@ Map Map::parse(std::string text, std::string where) {
 
 void Map::index(const TextReader& reader) {
     const std::size_t count = routes.size();
-    const auto build = [count, &reader](auto& table, const auto& rows, auto first, auto second) {
-        table.assign(count * count, -1);
-        for (std::size_t k = 0; k < rows.size(); ++k) {
-            const std::size_t a = static_cast<std::size_t>(first(rows[k]));
-            const std::size_t b = static_cast<std::size_t>(second(rows[k]));
-            if (a == b || table[a * count + b] >= 0) {
-                reader.fail("two different routes make a pair, and each pair stands once in a table");
+    // Where the rows of each pair stand: together, and in one order of the two.
+    const auto build = [count, &reader](auto& table, const auto& rows, int most, auto first, auto second) {
+        table.assign(count * count, {0, 0});
+        for (int k = 0; k < static_cast<int>(rows.size()); ++k) {
+            const auto& row = rows[static_cast<std::size_t>(k)];
+            const int a = first(row), b = second(row);
+            Rows& own = table[static_cast<std::size_t>(a) * count + static_cast<std::size_t>(b)];
+            own = own.count == 0 ? Rows{k, 1} : Rows{own.first, own.count + 1};
+            if (a == b || own.count > most || k + 1 != own.first + own.count) {
+                reader.fail("two different routes make a pair, and each pair stands together in a table, at most " +
+                            std::to_string(most) + " times");
             }
-            table[a * count + b] = table[b * count + a] = static_cast<int>(k);
         }
     };
-    build(
-        conflict_index_, conflicts, [](const Conflict& c) { return c.yielder; },
-        [](const Conflict& c) { return c.prioritized; });
     const auto a = [](const auto& row) { return row.a; };
     const auto b = [](const auto& row) { return row.b; };
-    build(shared_index_, shared_lanes, a, b);
-    build(overlap_index_, overlaps, a, b);
+    build(
+        conflict_rows_, conflicts, 1, [](const Conflict& c) { return c.yielder; },
+        [](const Conflict& c) { return c.prioritized; });
+    build(shared_rows_, shared_lanes, MOST_SHARED, a, b);
+    build(overlap_rows_, overlaps, MOST_OVERLAPS, a, b);
+    for (std::size_t one = 0; one < count; ++one) {
+        for (std::size_t other = 0; other < count; ++other) {
+            for (std::vector<Rows>* table : {&shared_rows_, &overlap_rows_}) {
+                const Rows &here = (*table)[one * count + other], &there = (*table)[other * count + one];
+                if (one < other && here.count > 0 && there.count > 0) {
+                    reader.fail("a pair of routes stands in both orders in a table");
+                }
+            }
+        }
+    }
+    has_stops_ = std::ranges::any_of(routes, &Route::must_stop);
 }
 
 Sample Map::at(int route, float position) const {
@@ -138,17 +155,29 @@ Sample Map::at(int route, float position) const {
 }
 
 namespace {
-template <class Row>
-const Row* find(const std::vector<Row>& rows, const std::vector<int>& table, std::size_t count, int a, int b) {
-    const int k = table[static_cast<std::size_t>(a) * count + static_cast<std::size_t>(b)];
-    return k < 0 ? nullptr : &rows[static_cast<std::size_t>(k)];
+
+template <class Row, class Rows>
+std::span<const Row> found(const std::vector<Row>& rows, const std::vector<Rows>& table, std::size_t count, int a,
+                           int b) {
+    const std::size_t i = static_cast<std::size_t>(a), j = static_cast<std::size_t>(b);
+    const Rows& own = table[i * count + j].count > 0 ? table[i * count + j] : table[j * count + i];
+    return {rows.data() + own.first, static_cast<std::size_t>(own.count)};
 }
+
 } // namespace
 
-const Conflict* Map::conflict(int a, int b) const { return find(conflicts, conflict_index_, routes.size(), a, b); }
-const SharedLane* Map::shared_lane(int a, int b) const {
-    return find(shared_lanes, shared_index_, routes.size(), a, b);
+const Conflict* Map::conflict(int yielder, int prioritized) const {
+    const Rows& own =
+        conflict_rows_[static_cast<std::size_t>(yielder) * routes.size() + static_cast<std::size_t>(prioritized)];
+    return own.count == 0 ? nullptr : &conflicts[static_cast<std::size_t>(own.first)];
 }
-const Overlap* Map::overlap(int a, int b) const { return find(overlaps, overlap_index_, routes.size(), a, b); }
+
+std::span<const SharedLane> Map::shared_lanes_of(int a, int b) const {
+    return found(shared_lanes, shared_rows_, routes.size(), a, b);
+}
+
+std::span<const Overlap> Map::overlaps_of(int a, int b) const {
+    return found(overlaps, overlap_rows_, routes.size(), a, b);
+}
 
 } // namespace intersection_env

@@ -51,7 +51,8 @@ std::string read_file(const std::string& path) {
     return std::move(content).str();
 }
 
-TextReader::TextReader(std::string text, std::string where, std::string_view magic, int oldest, int newest)
+TextReader::TextReader(std::string text, std::string where, std::string_view magic, int oldest, int newest,
+                       std::string_view remedy)
     : where_(std::move(where)), text_(std::move(text)) {
     rest_ = text_;
     const std::string_view first = rest_.substr(0, rest_.find('\n'));
@@ -63,7 +64,8 @@ TextReader::TextReader(std::string text, std::string where, std::string_view mag
     }
     if (version_ == 0) {
         fail("is of version " + quoted(first.substr(magic.size() + 1)) + ", this package reads version " +
-             (oldest == newest ? std::to_string(newest) : std::to_string(oldest) + " to " + std::to_string(newest)));
+             (oldest == newest ? std::to_string(newest) : std::to_string(oldest) + " to " + std::to_string(newest)) +
+             std::string(remedy));
     }
     const std::size_t begin = text_.rfind("\nchecksum ") + 1;
     if (begin == 0 || text_.back() != '\n' || text_.find('\n', begin) != text_.size() - 1) {

@@ -18,8 +18,9 @@ std::string read_file(const std::string& path);
 class TextReader {
   public:
     // Checks the first line ("<magic> <version>", from `oldest` to `newest`) and the checksum in the last line. `where`
-    // names the text in errors.
-    TextReader(std::string text, std::string where, std::string_view magic, int oldest, int newest);
+    // names the text in errors; remedy: what helps against another version.
+    TextReader(std::string text, std::string where, std::string_view magic, int oldest, int newest,
+               std::string_view remedy = "");
 
     // Each reads one whole line "<key> <values...>"; an empty key means the line holds values only.
     std::string word(std::string_view key);

@@ -32,8 +32,9 @@ namespace {
 
 void check_memories(const Map& map, const Traffic& traffic) {
     const std::size_t count = traffic.route.size(), wanted = traffic.has_memories() ? count : 0;
-    if (traffic.hold.size() != wanted || traffic.delta.size() != wanted) {
-        throw std::invalid_argument("memories need delta and hold, each with one entry a vehicle");
+    if (traffic.hold.size() != wanted || traffic.delta.size() != wanted ||
+        (!traffic.waited.empty() && traffic.waited.size() != wanted)) {
+        throw std::invalid_argument("memories need delta and hold, and may have waited, each with one entry a vehicle");
     }
     const int most = static_cast<int>(map.routes.size());
     for (int i = 0; i < static_cast<int>(wanted); ++i) {
@@ -43,6 +44,10 @@ void check_memories(const Map& map, const Traffic& traffic) {
         if (traffic.hold[at(i)] < -1 || traffic.hold[at(i)] > most) {
             refuse(i, "hold must be from -1 to " + std::to_string(most) + ", the number of routes, not " +
                           std::to_string(traffic.hold[at(i)]));
+        }
+        if (traffic.steps_waited(i) < 0 || traffic.steps_waited(i) > MOST_WAITED) {
+            refuse(i, "waited must be from 0 to " + std::to_string(MOST_WAITED) + " steps, not " +
+                          std::to_string(traffic.steps_waited(i)));
         }
     }
 }
@@ -82,8 +87,8 @@ void find_conflicts(const Map& map, const Traffic& traffic, std::vector<Pair>& f
     for (int i = 0; i < traffic.count(); ++i) {
         for (int j = 0; j < traffic.count(); ++j) {
             const Conflict* conflict = map.conflict(traffic.route[at(i)], traffic.route[at(j)]);
-            if (conflict != nullptr && conflict->yielder == traffic.route[at(i)] &&
-                traffic.rear(i) < conflict->on_yielder.end && traffic.position[at(j)] < conflict->on_prioritized.end) {
+            if (conflict != nullptr && traffic.rear(i) < conflict->on_yielder.end &&
+                traffic.position[at(j)] < conflict->on_prioritized.end) {
                 found.push_back({i, j});
             }
         }

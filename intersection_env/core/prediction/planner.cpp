@@ -103,14 +103,16 @@ void Planner::predict(const Traffic& traffic, std::span<const std::int8_t> prior
     result.enters.resize(result.position.size());
     result.present.resize(result.position.size());
     result.hold.resize(result.position.size());
+    result.waited.resize(map().has_stops() ? result.position.size() : 0);
     result.time_loss.resize(scenarios * vehicles);
     result.minimum_distance.resize(scenarios);
-    predictor_->predict(traffic, result.priorities, result.scenarios, {},
-                        {{result.position.data(), result.speed.data(), result.acceleration.data(), result.enters.data(),
-                          result.present.data(), result.hold.data()},
-                         result.time_loss.data(),
-                         result.minimum_distance.data()},
-                        kernel());
+    predictor_->predict(
+        traffic, result.priorities, result.scenarios, {},
+        {{result.position.data(), result.speed.data(), result.acceleration.data(), result.enters.data(),
+          result.present.data(), result.hold.data(), result.waited.empty() ? nullptr : result.waited.data()},
+         result.time_loss.data(),
+         result.minimum_distance.data()},
+        kernel());
 }
 
 Traffic Planner::traffic_at(const Prediction& prediction, int step, int scenario) const {
@@ -129,9 +131,15 @@ Traffic Planner::traffic_at(const Prediction& prediction, int step, int scenario
         if (step > 0) { // what was decided at the step before
             now.delta.push_back(prediction.enters[before + i]);
             now.hold.push_back(prediction.hold[before + i]);
+            if (!prediction.waited.empty()) {
+                now.waited.push_back(prediction.waited[before + i]);
+            }
         } else if (start.has_memories()) {
             now.delta.push_back(start.delta[i]);
             now.hold.push_back(start.hold[i]);
+            if (!start.waited.empty()) {
+                now.waited.push_back(start.waited[i]);
+            }
         }
     }
     return now;

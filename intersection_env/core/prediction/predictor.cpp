@@ -38,7 +38,8 @@ struct Batch {
         return {assignments.data() + at(first) * at(problem.pair_count),
                 decisions.empty() ? nullptr : decisions.data() + at(first) * STEPS * vehicles,
                 count,
-                {from(t.position), from(t.speed), from(t.acceleration), from(t.enters), from(t.present), from(t.hold)},
+                {from(t.position), from(t.speed), from(t.acceleration), from(t.enters), from(t.present), from(t.hold),
+                 from(t.waited)},
                 results.time_loss + at(first) * vehicles,
                 results.minimum_distance == nullptr ? nullptr : results.minimum_distance + first,
                 results.followed == nullptr ? nullptr : results.followed + first};
@@ -151,22 +152,21 @@ void Predictor::add_candidates(const Traffic& traffic, int i, Bound& bound) cons
         candidate.other = j;
         candidate.half_lengths = 0.5F * (traffic.length[at(i)] + traffic.length[at(j)]);
         candidate.same_stop_lane = map_->routes[at(route)].stop_lane == map_->routes[at(other)].stop_lane;
-        const SharedLane* shared = map_->shared_lane(route, other);
         if (route == other) {
-            candidate.split = EVERYWHERE.end;
-        } else if (shared == nullptr) {
+            candidate.begin = EVERYWHERE.begin;
+            candidate.end = EVERYWHERE.end;
+            bound.candidates.push_back(candidate);
             continue;
-        } else if (shared->split > 0.0F) {
-            candidate.split = shared->split;
-            if (std::max(traffic.rear(i), traffic.rear(j)) >= shared->split) {
-                continue; // nobody drives backwards
-            }
-        } else {
-            candidate.after_merge = true;
-            candidate.merge = shared->a == other ? shared->merge_a : shared->merge_b;
-            candidate.offset = shared->a == route ? shared->offset : -shared->offset;
         }
-        bound.candidates.push_back(candidate);
+        for (const SharedLane& row : map_->shared_lanes_of(route, other)) {
+            const SharedLane lane = row.seen_from(route);
+            candidate.begin = lane.begin_b;
+            candidate.end = lane.end;
+            candidate.offset = lane.offset;
+            if (std::max(traffic.rear(i), traffic.rear(j) - lane.offset) < lane.end) { // nobody drives backwards
+                bound.candidates.push_back(candidate);
+            }
+        }
     }
 }
 
@@ -175,22 +175,22 @@ void Predictor::add_touches(const Traffic& traffic, Bound& bound) const {
     for (int a = 0; a < traffic.count(); ++a) {
         for (int b = a + 1; b < traffic.count(); ++b) {
             Touch touch{a, b, EVERYWHERE, EVERYWHERE, half_diagonal(a) + half_diagonal(b) + ROUNDED_REACH};
-            if (traffic.route[at(a)] != traffic.route[at(b)]) {
-                const Overlap* overlap = map_->overlap(traffic.route[at(a)], traffic.route[at(b)]);
-                if (overlap == nullptr) {
-                    continue;
+            // who overlaps from the start, as perception may have it, does not count
+            const auto apart = [&] { return clearance(*map_, body(traffic, a), body(traffic, b)) > 0.0F; };
+            if (traffic.route[at(a)] == traffic.route[at(b)]) {
+                if (apart()) {
+                    bound.touches.push_back(touch);
                 }
-                const bool in_order = overlap->a == traffic.route[at(a)];
-                touch.on_a = in_order ? overlap->on_a : overlap->on_b;
-                touch.on_b = in_order ? overlap->on_b : overlap->on_a;
-                if (traffic.rear(a) > touch.on_a.end || traffic.rear(b) > touch.on_b.end) {
-                    continue;
+                continue;
+            }
+            for (const Overlap& row : map_->overlaps_of(traffic.route[at(a)], traffic.route[at(b)])) {
+                const Overlap overlap = row.seen_from(traffic.route[at(a)]);
+                touch.on_a = overlap.on_a;
+                touch.on_b = overlap.on_b;
+                if (traffic.rear(a) <= touch.on_a.end && traffic.rear(b) <= touch.on_b.end && apart()) {
+                    bound.touches.push_back(touch);
                 }
             }
-            if (clearance(*map_, body(traffic, a), body(traffic, b)) <= 0.0F) {
-                continue; // they overlap from the start, as perception may have it
-            }
-            bound.touches.push_back(touch);
         }
     }
 }
@@ -205,12 +205,13 @@ void Predictor::bind(const Traffic& traffic, std::span<const Pair> pairs, Bound&
         const Route& route = map_->routes[at(index)];
         const int first = static_cast<int>(bound.candidates.size());
         add_candidates(traffic, i, bound);
-        bound.vehicles.push_back(
-            {tables_.first_row[at(index)], static_cast<int>(route.samples.size()) - 1, traffic.position[at(i)],
-             traffic.speed[at(i)], 0.5F * traffic.length[at(i)], 0.5F * traffic.width[at(i)],
-             std::min(traffic.max_speed[at(i)], UNBOUNDED), route.stop_line, route.length, index,
-             traffic.has_memories() ? traffic.delta[at(i)] != 0 : committed(*map_, traffic, i),
-             traffic.has_memories() ? traffic.hold[at(i)] : -1, first, static_cast<int>(bound.candidates.size())});
+        bound.vehicles.push_back({tables_.first_row[at(index)], static_cast<int>(route.samples.size()) - 1,
+                                  traffic.position[at(i)], traffic.speed[at(i)], 0.5F * traffic.length[at(i)],
+                                  0.5F * traffic.width[at(i)], std::min(traffic.max_speed[at(i)], UNBOUNDED),
+                                  route.stop_line, route.length, index, route.must_stop,
+                                  traffic.has_memories() ? traffic.delta[at(i)] != 0 : committed(*map_, traffic, i),
+                                  traffic.has_memories() ? traffic.hold[at(i)] : -1, traffic.steps_waited(i), first,
+                                  static_cast<int>(bound.candidates.size())});
     }
     for (const Pair& pair : pairs) {
         const Conflict& conflict =
@@ -220,7 +221,8 @@ void Predictor::bind(const Traffic& traffic, std::span<const Pair> pairs, Bound&
         };
         bound.pairs.push_back({pair.yielder, pair.prioritized, conflict.on_yielder.end, conflict.on_prioritized.end,
                                entry(pair.yielder, conflict.on_yielder),
-                               entry(pair.prioritized, conflict.on_prioritized), conflict.merging});
+                               entry(pair.prioritized, conflict.on_prioritized), conflict.line, conflict.merging,
+                               conflict.by_arrival});
     }
     add_touches(traffic, bound);
     bound.lanes.fill(bound.vehicles, bound.candidates, bound.pairs);
@@ -235,6 +237,7 @@ Problem Predictor::problem(const Bound& bound) const {
             static_cast<int>(bound.pairs.size()),
             static_cast<int>(bound.touches.size()),
             static_cast<int>(map_->routes.size()),
+            map_->has_stops(),
             1.0F / map_->spacing,
             policy_.gap,
             policy_.driver,

@@ -29,13 +29,17 @@ namespace {
 Traffic make_traffic(const Map& map, const Vector<int>& route, const Vector<float>& position,
                      const Vector<float>& speed, const Vector<float>& length, const Vector<float>& width,
                      const Vector<float>& max_speed, const std::optional<Vector<bool>>& delta,
-                     const std::optional<Vector<std::int16_t>>& hold) {
+                     const std::optional<Vector<std::int16_t>>& hold,
+                     const std::optional<Vector<std::int32_t>>& waited) {
     Traffic traffic{copy(route), copy(position), copy(speed), copy(length), copy(width), copy(max_speed)};
     if (delta) {
         traffic.delta.assign(delta->data(), delta->data() + delta->size());
     }
     if (hold) {
         traffic.hold.assign(hold->data(), hold->data() + hold->size());
+    }
+    if (waited) {
+        traffic.waited.assign(waited->data(), waited->data() + waited->size());
     }
     check(map, traffic);
     return traffic;
@@ -50,11 +54,11 @@ nb::ndarray<nb::numpy, int> as_array(const std::vector<Pair>& pairs) {
     return array;
 }
 
-std::vector<std::tuple<int, int, bool, float, float, float, float>> conflict_rows(const Map& map) {
-    std::vector<std::tuple<int, int, bool, float, float, float, float>> rows;
+std::vector<std::tuple<int, int, bool, bool, float, float, float, float, float>> conflict_rows(const Map& map) {
+    std::vector<std::tuple<int, int, bool, bool, float, float, float, float, float>> rows;
     for (const Conflict& c : map.conflicts) {
-        rows.emplace_back(c.yielder, c.prioritized, c.merging, c.on_yielder.begin, c.on_yielder.end,
-                          c.on_prioritized.begin, c.on_prioritized.end);
+        rows.emplace_back(c.yielder, c.prioritized, c.merging, c.by_arrival, c.on_yielder.begin, c.on_yielder.end,
+                          c.on_prioritized.begin, c.on_prioritized.end, c.line);
     }
     return rows;
 }
@@ -62,7 +66,7 @@ std::vector<std::tuple<int, int, bool, float, float, float, float>> conflict_row
 std::vector<std::tuple<int, int, float, float, float, float>> shared_lane_rows(const Map& map) {
     std::vector<std::tuple<int, int, float, float, float, float>> rows;
     for (const SharedLane& s : map.shared_lanes) {
-        rows.emplace_back(s.a, s.b, s.split, s.merge_a, s.merge_b, s.offset);
+        rows.emplace_back(s.a, s.b, s.begin_a, s.begin_b, s.end, s.offset);
     }
     return rows;
 }
@@ -122,6 +126,7 @@ void bind_model(nb::module_& m) {
         .def_ro("id", &Route::id)
         .def_ro("length", &Route::length)
         .def_ro("stop_line", &Route::stop_line)
+        .def_ro("must_stop", &Route::must_stop)
         .def_ro("stop_lane", &Route::stop_lane)
         .def_prop_ro("junction", [](const Route& r) { return std::make_tuple(r.junction.begin, r.junction.end); })
         .def_ro("first_conflict", &Route::first_conflict)
@@ -139,8 +144,9 @@ void bind_model(nb::module_& m) {
         .def_ro("heading_offsets", &Map::heading_offsets)
         .def_ro("routes", &Map::routes, nb::rv_policy::reference_internal)
         .def_prop_ro("conflicts", &conflict_rows,
-                     "Rows of yielder, prioritized, merging, and the interval on each [m].")
-        .def_prop_ro("shared_lanes", &shared_lane_rows, "Rows of a, b, split, merge on a, merge on b, offset [m].")
+                     "Rows of yielder, prioritized, merging, by arrival, the interval on each, and the line [m].")
+        .def_prop_ro("shared_lanes", &shared_lane_rows, "Rows of a, b, begin on a, begin on b, end on a, offset [m].")
+        .def_prop_ro("has_stops", &Map::has_stops, "Whether somebody has to make a stop.")
         .def("sample", &sample, "route"_a, "position"_a.noconvert(),
              "(position, 11): x, y, heading, width, v_max, six relative headings, interpolated.")
         .def("project", &project, "route"_a, "points"_a.noconvert(),
@@ -151,7 +157,8 @@ void bind_model(nb::module_& m) {
     nb::class_<Traffic>(m, "Traffic", "The vehicles at one moment, checked.")
         .def(nb::new_(&make_traffic), "map"_a, "route"_a.noconvert(), "position"_a.noconvert(), "speed"_a.noconvert(),
              "length"_a.noconvert(), "width"_a.noconvert(), "max_speed"_a.noconvert(),
-             "delta"_a.noconvert().none() = nb::none(), "hold"_a.noconvert().none() = nb::none());
+             "delta"_a.noconvert().none() = nb::none(), "hold"_a.noconvert().none() = nb::none(),
+             "waited"_a.noconvert().none() = nb::none());
 
     m.def(
         "conflicts", [](const Map& map, const Traffic& t) { return as_array(find_conflicts(map, t)); }, "map"_a,

@@ -35,9 +35,10 @@ using Floats = nb::ndarray<nb::numpy, float>;
 using Flags = nb::ndarray<nb::numpy, std::uint8_t>;
 
 using Shorts = nb::ndarray<nb::numpy, std::int16_t>;
+using Counts = nb::ndarray<nb::numpy, std::int32_t>;
 using Directions = nb::ndarray<nb::numpy, std::int8_t>;
 
-std::tuple<Floats, Floats, Floats, Flags, Flags, Floats, Floats, Shorts, Directions>
+std::tuple<Floats, Floats, Floats, Flags, Flags, Floats, Floats, Shorts, Directions, std::optional<Counts>>
 predict(const Predictor& predictor, const Traffic& traffic, const Matrix<std::int8_t>& assignments, bool trajectories,
         bool safety, const std::optional<nb::ndarray<const std::uint8_t, nb::ndim<3>, nb::c_contig>>& decisions,
         const std::optional<std::string>& isa) {
@@ -46,12 +47,21 @@ predict(const Predictor& predictor, const Traffic& traffic, const Matrix<std::in
     auto position = make<float>(shape), speed = make<float>(shape), acceleration = make<float>(shape);
     auto enters = make<std::uint8_t>(shape), present = make<std::uint8_t>(shape);
     auto hold = make<std::int16_t>(shape);
+    std::optional<Counts> waited;
+    if (trajectories && predictor.map().has_stops()) {
+        waited = make<std::int32_t>(shape);
+    }
     auto time_loss = make<float>({scenarios, vehicles});
     auto minimum_distance = make<float>({safety ? scenarios : 0});
     Results results;
     if (trajectories) {
-        results.trajectories = {position.data(), speed.data(),   acceleration.data(),
-                                enters.data(),   present.data(), hold.data()};
+        results.trajectories = {position.data(),
+                                speed.data(),
+                                acceleration.data(),
+                                enters.data(),
+                                present.data(),
+                                hold.data(),
+                                waited ? waited->data() : nullptr};
     }
     results.time_loss = time_loss.data();
     results.minimum_distance = safety ? minimum_distance.data() : nullptr;
@@ -65,8 +75,8 @@ predict(const Predictor& predictor, const Traffic& traffic, const Matrix<std::in
         predictor.predict(traffic, {completed.data(), completed.size()}, static_cast<int>(scenarios), replayed, results,
                           isa ? kernel_named(*isa) : kernel());
     }
-    return std::make_tuple(position, speed, acceleration, enters, present, time_loss, minimum_distance, hold,
-                           completed);
+    return std::make_tuple(position, speed, acceleration, enters, present, time_loss, minimum_distance, hold, completed,
+                           waited);
 }
 
 std::tuple<Floats, Floats, Flags> observe(const Predictor& predictor, const Traffic& traffic) {
@@ -298,7 +308,7 @@ void bind_prediction(nb::module_& m) {
             "traffic"_a, "(pair, 21): what an order network sees.")
         .def("predict", &predict, "traffic"_a, "assignments"_a.noconvert(), "trajectories"_a, "safety"_a,
              "decisions"_a.noconvert().none() = nb::none(), "isa"_a = nb::none(),
-             "position, speed, acceleration, enters, present, time_loss, minimum_distance, hold, completed "
+             "position, speed, acceleration, enters, present, time_loss, minimum_distance, hold, completed, waited "
              "assignments.");
 
     m.def("rank_maneuvers", &rank, "predictor"_a, "traffic"_a, "cooperative"_a.noconvert(), "limit"_a.none(),

@@ -17,6 +17,7 @@
 #include "intersection_env/traffic.hpp"
 #include "kernel/dispatch.hpp"
 #include "python/bind.hpp"
+#include "tables/problem.hpp"
 #include "threads.hpp"
 
 namespace nb = nanobind;
@@ -31,6 +32,8 @@ NB_MODULE(_core, m) {
     m.attr("MAX_VEHICLES") = MAX_VEHICLES;
     m.attr("MOST_THREADS") = MOST_THREADS;
     m.attr("BRAKING") = BRAKING;
+    m.attr("STOPPED") = STOPPED;
+    m.attr("AT_LINE") = AT_LINE;
     m.attr("LEAST_SIZE") = LEAST_SIZE;
     m.attr("MOST_LENGTH") = MOST_LENGTH;
     m.attr("MOST_WIDTH") = MOST_WIDTH;

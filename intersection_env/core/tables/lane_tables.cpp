@@ -33,6 +33,8 @@ void LaneTables::fill_vehicles(const std::vector<ProblemVehicle>& vehicles) {
     route_.assign(size, 0);
     delta_.assign(size, 0);
     hold_.assign(size, -1);
+    waited_.assign(size, 0);
+    must_stop_.assign(size, 0);
     for (std::size_t i = 0; i < vehicles.size(); ++i) {
         const ProblemVehicle& vehicle = vehicles[i];
         half_length_[i] = vehicle.half_length;
@@ -46,6 +48,8 @@ void LaneTables::fill_vehicles(const std::vector<ProblemVehicle>& vehicles) {
         route_[i] = vehicle.route;
         delta_[i] = vehicle.delta ? -1 : 0;
         hold_[i] = vehicle.hold;
+        waited_[i] = vehicle.waited;
+        must_stop_[i] = vehicle.must_stop ? -1 : 0;
     }
 }
 
@@ -58,8 +62,8 @@ void LaneTables::fill_candidates(const std::vector<ProblemVehicle>& vehicles,
     const std::size_t size = at(candidates_) * at(padded_vehicles_);
     other_.assign(size, 0);
     other_stop_lane_.assign(size, -1);
-    split_.assign(size, -FAR);
-    merge_.assign(size, FAR);
+    begin_.assign(size, FAR);
+    end_.assign(size, -FAR);
     offset_.assign(size, 0.0F);
     other_half_length_.assign(size, 0.0F);
     for (std::size_t i = 0; i < vehicles.size(); ++i) {
@@ -68,7 +72,8 @@ void LaneTables::fill_candidates(const std::vector<ProblemVehicle>& vehicles,
             const std::size_t k = at(c - vehicles[i].first_candidate) * at(padded_vehicles_) + i;
             other_[k] = candidate.other;
             other_stop_lane_[k] = candidate.same_stop_lane ? 0 : -1;
-            (candidate.after_merge ? merge_ : split_)[k] = candidate.after_merge ? candidate.merge : candidate.split;
+            begin_[k] = candidate.begin;
+            end_[k] = candidate.end;
             offset_[k] = candidate.offset;
             other_half_length_[k] = vehicles[at(candidate.other)].half_length;
         }
@@ -91,11 +96,11 @@ void LaneTables::order_pairs(const std::vector<ProblemPair>& pairs) {
 void LaneTables::fill_pairs(const std::vector<ProblemVehicle>& vehicles, const std::vector<ProblemPair>& pairs) {
     order_pairs(pairs);
     const std::size_t size = at(padded_pairs_);
-    for (auto* one : {&yielder_, &prioritized_, &yielder_route_, &merging_}) {
+    for (auto* one : {&yielder_, &prioritized_, &yielder_route_, &merging_, &by_arrival_}) {
         one->assign(size, 0);
     }
     for (auto* one : {&yielder_entry_, &prioritized_entry_, &yielder_half_length_, &prioritized_half_length_,
-                      &yielder_stop_line_, &prioritized_stop_line_}) {
+                      &yielder_stop_line_, &prioritized_line_}) {
         one->assign(size, 0.0F);
     }
     yielder_end_.assign(size, -FAR); // before every position: never active
@@ -107,6 +112,7 @@ void LaneTables::fill_pairs(const std::vector<ProblemVehicle>& vehicles, const s
         prioritized_[k] = pair.prioritized;
         yielder_route_[k] = i.route;
         merging_[k] = pair.merging ? -1 : 0;
+        by_arrival_[k] = pair.by_arrival ? -1 : 0;
         yielder_end_[k] = pair.yielder_end;
         prioritized_end_[k] = pair.prioritized_end;
         yielder_entry_[k] = pair.yielder_entry;
@@ -114,7 +120,7 @@ void LaneTables::fill_pairs(const std::vector<ProblemVehicle>& vehicles, const s
         yielder_half_length_[k] = i.half_length;
         prioritized_half_length_[k] = j.half_length;
         yielder_stop_line_[k] = i.stop_line;
-        prioritized_stop_line_[k] = j.stop_line;
+        prioritized_line_[k] = pair.line;
     }
 }
 
@@ -134,10 +140,12 @@ LaneProblem LaneTables::problem() const {
             route_.data(),
             delta_.data(),
             hold_.data(),
+            waited_.data(),
+            must_stop_.data(),
             other_.data(),
             other_stop_lane_.data(),
-            split_.data(),
-            merge_.data(),
+            begin_.data(),
+            end_.data(),
             offset_.data(),
             other_half_length_.data(),
             pair_.data(),
@@ -145,6 +153,7 @@ LaneProblem LaneTables::problem() const {
             prioritized_.data(),
             yielder_route_.data(),
             merging_.data(),
+            by_arrival_.data(),
             yielder_end_.data(),
             prioritized_end_.data(),
             yielder_entry_.data(),
@@ -152,7 +161,7 @@ LaneProblem LaneTables::problem() const {
             yielder_half_length_.data(),
             prioritized_half_length_.data(),
             yielder_stop_line_.data(),
-            prioritized_stop_line_.data()};
+            prioritized_line_.data()};
 }
 
 } // namespace intersection_env

@@ -15,7 +15,7 @@ std::vector<float> route_row(const Map& map, int route, int first_row) {
     const Route& r = map.routes[at(route)];
     int low = 0, high = 0;
     for (int other = 0; other < static_cast<int>(map.routes.size()); ++other) {
-        if (other == route || map.overlap(route, other) != nullptr) {
+        if (other == route || !map.overlaps_of(route, other).empty()) {
             (other < 16 ? low : high) |= 1 << (other % 16);
         }
     }
@@ -29,34 +29,79 @@ std::vector<float> route_row(const Map& map, int route, int first_row) {
             static_cast<float>(high)};
 }
 
-std::vector<float> pair_row(const Map& map, int own, int other) {
-    const SharedLane* shared = map.shared_lane(own, other);
-    if (own == other || (shared != nullptr && shared->split > 0.0F)) {
-        return {0.0F, 0.0F, own == other ? FAR : shared->split, SHARED_ENTRY};
-    }
-    const Conflict* conflict = map.conflict(own, other);
-    if (shared != nullptr && (conflict == nullptr || !conflict->merging)) {
-        throw std::invalid_argument("map \"" + map.name + "\": routes " + map.routes[at(own)].id + " and " +
-                                    map.routes[at(other)].id + " merge without a merging conflict");
-    }
-    if (conflict == nullptr) {
-        return {0.0F, 0.0F, 0.0F, 0.0F};
-    }
-    const bool yields = conflict->yielder == own;
-    const Interval& on_own = yields ? conflict->on_yielder : conflict->on_prioritized;
-    const Interval& on_other = yields ? conflict->on_prioritized : conflict->on_yielder;
-    float offset = 0.0F;
-    if (conflict->merging) {
-        const bool in_order = shared != nullptr && shared->a == own;
-        if (shared == nullptr || on_own.end != (in_order ? shared->merge_a : shared->merge_b) ||
-            on_other.end != (in_order ? shared->merge_b : shared->merge_a)) {
-            throw std::invalid_argument("map \"" + map.name + "\": the merging conflict of routes " +
-                                        map.routes[at(own)].id + " and " + map.routes[at(other)].id +
-                                        " does not end where they merge");
+// What one of two routes has of the other: the conflicts in which it yields and in which the other one does, and the
+// lanes that they share, as it sees them.
+struct Between {
+    std::vector<const Conflict*> conflicts;
+    std::vector<SharedLane> lanes;
+
+    Between(const Map& map, int own, int other) {
+        for (const Conflict* conflict : {map.conflict(own, other), map.conflict(other, own)}) {
+            if (conflict != nullptr) {
+                conflicts.push_back(conflict);
+            }
         }
-        offset = in_order ? shared->offset : -shared->offset;
+        for (const SharedLane& lane : map.shared_lanes_of(own, other)) {
+            lanes.push_back(lane.seen_from(own));
+        }
+        if (own == other) {
+            lanes.push_back({own, other, -FAR, -FAR, FAR, 0.0F});
+        }
     }
-    return {on_own.end, on_other.end, offset, (conflict->merging ? 2.0F : 1.0F) * (yields ? 1.0F : -1.0F)};
+};
+
+const Interval& on(const Conflict& conflict, int route) {
+    return conflict.yielder == route ? conflict.on_yielder : conflict.on_prioritized;
+}
+
+float kind(const Conflict& conflict, int own) {
+    return (conflict.merging ? 2.0F : 1.0F) * (conflict.yielder == own ? 1.0F : -1.0F);
+}
+
+// Whether PAIR_COLUMNS say all that there is between two routes.
+bool is_plain(const Map& map, const Between& between) {
+    if (between.conflicts.empty()) {
+        return between.lanes.empty() || (between.lanes.size() == 1 && between.lanes[0].begin_a <= -FAR &&
+                                         between.lanes[0].begin_b <= -FAR && between.lanes[0].offset == 0.0F);
+    }
+    const Conflict& one = *between.conflicts[0];
+    if (between.conflicts.size() > 1 || one.by_arrival || one.line != map.routes[at(one.prioritized)].stop_line) {
+        return false;
+    }
+    const bool merges = between.lanes.size() == 1 && between.lanes[0].end >= FAR &&
+                        on(one, between.lanes[0].a).end == between.lanes[0].begin_a &&
+                        on(one, between.lanes[0].b).end == between.lanes[0].begin_b;
+    return one.merging ? merges : between.lanes.empty();
+}
+
+std::vector<float> pair_row(const Between& between, int own, int other) {
+    if (between.conflicts.empty()) {
+        return between.lanes.empty() ? std::vector{0.0F, 0.0F, 0.0F, 0.0F}
+                                     : std::vector{0.0F, 0.0F, between.lanes[0].end, SHARED_ENTRY};
+    }
+    const Conflict& conflict = *between.conflicts[0];
+    const float offset = conflict.merging ? between.lanes[0].offset : 0.0F;
+    return {on(conflict, own).end, on(conflict, other).end, offset, kind(conflict, own)};
+}
+
+std::vector<float> link_row(const Between& between, std::size_t k, int own, int other) {
+    std::vector<float> row{0.0F, 0.0F, 0.0F, 0.0F, 0.0F, 0.0F, -FAR, 0.0F, 0.0F, 0.0F, 0.0F, 0.0F};
+    if (k < between.conflicts.size()) {
+        const Conflict& conflict = *between.conflicts[k];
+        row[0] = on(conflict, own).end;
+        row[1] = on(conflict, other).end;
+        row[2] = kind(conflict, own);
+        row[3] = conflict.line;
+        row[8] = conflict.by_arrival ? 1.0F : 0.0F;
+    }
+    if (k < between.lanes.size()) {
+        const SharedLane& lane = between.lanes[k];
+        row[4] = lane.begin_b;
+        row[5] = lane.begin_a;
+        row[6] = lane.end;
+        row[7] = lane.offset;
+    }
+    return row;
 }
 
 } // namespace
@@ -75,16 +120,40 @@ MapTables::MapTables(std::shared_ptr<const Map> map) : map_(std::move(map)), rou
             const Sample &sample = samples[k], &next = samples[std::min(k + 1, samples.size() - 1)];
             points_.insert(points_.end(), {sample.x, sample.y, next.x - sample.x, next.y - sample.y});
         }
+        stops_ |= map_->routes[at(route)].must_stop ? 1U << route : 0U;
+    }
+    add_pairs();
+}
+
+void MapTables::add_pairs() {
+    const int count = static_cast<int>(map_->routes.size());
+    bool plain = true;
+    for (int own = 0; own < count; ++own) {
         for (int other = 0; other < count; ++other) {
-            const std::vector<float> pair = pair_row(*map_, route, other);
-            pairs_.insert(pairs_.end(), pair.begin(), pair.end());
+            plain = plain && is_plain(*map_, Between(*map_, own, other));
+        }
+    }
+    link_count_ = plain ? 0 : MOST_LINKS;
+    for (int own = 0; own < count; ++own) {
+        for (int other = 0; other < count; ++other) {
+            const Between between(*map_, own, other);
+            if (plain) {
+                const std::vector<float> row = pair_row(between, own, other);
+                pairs_.insert(pairs_.end(), row.begin(), row.end());
+            }
+            for (int k = 0; k < link_count_; ++k) {
+                const std::vector<float> row = link_row(between, at(k), own, other);
+                links_.insert(links_.end(), row.begin(), row.end());
+            }
         }
     }
 }
 
 MapRows MapTables::rows() const {
-    return {map_.get(),    route_tables_.observed.data(),         points_.data(),      routes_.data(),
-            pairs_.data(), static_cast<int>(map_->routes.size()), 1.0F / map_->spacing};
+    const float *pairs = link_count_ == 0 ? pairs_.data() : nullptr,
+                *links = link_count_ == 0 ? nullptr : links_.data();
+    return {map_.get(), route_tables_.observed.data(),         points_.data(), routes_.data(), pairs,
+            links,      static_cast<int>(map_->routes.size()), link_count_,    stops_,         1.0F / map_->spacing};
 }
 
 } // namespace intersection_env

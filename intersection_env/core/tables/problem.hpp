@@ -15,6 +15,8 @@ constexpr int MAX_PAIRS = 1024;                  // ours
 constexpr float LEAD_RANGE = 100.0F;             // [m], paper, Section III-B.2
 constexpr float FREE_LEAD_SPEED = 100.0F / 3.6F; // [m/s], likewise
 constexpr float UNBOUNDED = 1000.0F; // [m/s], stands for an infinite top speed in the kernel's finite arithmetic
+constexpr float STOPPED = 0.5F;      // [m/s], ours: slower than this a vehicle has made its stop ...
+constexpr float AT_LINE = 3.0F;      // [m], ours: ... where it is no farther than this before its line
 constexpr float CREPT = 0.1F;        // [m], ours: what whoever creeps, at less than 1 m/s, needs to stop in one step
 constexpr float FAR = 1.0e6F;        // [m], an arc length that nobody reaches
 constexpr int OBSERVED_COLUMNS = 8, POSE_COLUMNS = 4;
@@ -25,17 +27,17 @@ struct ProblemVehicle {
     float position, speed, half_length, half_width, max_speed;
     float stop_line, route_length;
     int route;
+    bool must_stop;
     bool delta; // the memories at the start
-    int hold;
+    int hold, waited;
     int first_candidate, last_candidate; // range in Problem::candidates
 };
 
-// Vehicle `other` may lead: ahead on a stretch shared from the start, or beyond a merge.
+// Vehicle `other` may lead: ahead in a lane that both take.
 struct LeadCandidate {
     int other;
-    bool after_merge;
-    float split;  // [m], shared entry: both rears must be before it
-    float merge;  // [m], shared exit: the other's front must be beyond it
+    float begin;  // [m], the other's front must be beyond it; -FAR where the lane begins with a route
+    float end;    // [m], both rears must be before it, in our arc length; FAR where the lane goes on to the end
     float offset; // [m], the other's position is ours plus this
     float half_lengths;
     bool same_stop_lane;
@@ -45,7 +47,8 @@ struct ProblemPair {
     int yielder, prioritized;
     float yielder_end, prioritized_end;
     float yielder_entry, prioritized_entry; // [m], a front beyond it has entered the conflict
-    bool merging;
+    float line; // [m], of the prioritized vehicle: how far it still has to go is measured to there
+    bool merging, by_arrival;
 };
 
 struct Touch {
@@ -59,16 +62,17 @@ struct Touch {
 struct LaneProblem {
     int vehicles, padded_vehicles, candidates, padded_pairs; // candidates: the most that one vehicle has
     const float *half_length, *max_speed, *stop_line, *route_length, *last_row, *position, *speed; // (vehicle,)
-    const std::int32_t *first_row, *route, *delta, *hold; // delta is a mask: 0 or -1
+    const std::int32_t *first_row, *route, *delta, *hold, *waited; // delta is a mask: 0 or -1
+    const std::int32_t* must_stop;                                 // mask
     // (candidate, vehicle)
     const std::int32_t *other, *other_stop_lane; // the latter: 0 where the stop lanes are the same, else -1
-    const float *split, *merge, *offset, *other_half_length;
+    const float *begin, *end, *offset, *other_half_length;
     // (pair,), first one of each yielder, then a second one, and so on: who is refused early need not be asked again
     const std::int32_t* pair; // its index in Problem::pairs
-    const std::int32_t *yielder, *prioritized, *yielder_route, *merging;
+    const std::int32_t *yielder, *prioritized, *yielder_route, *merging, *by_arrival;
     const float *yielder_end, *prioritized_end, *yielder_entry, *prioritized_entry;
     const float *yielder_half_length, *prioritized_half_length;
-    const float *yielder_stop_line, *prioritized_stop_line;
+    const float *yielder_stop_line, *prioritized_line;
 };
 
 // Pointers and counts only: the kernel must not call inline functions of the standard library.
@@ -78,6 +82,7 @@ struct Problem {
     const ProblemPair* pairs;
     const Touch* touches;
     int vehicle_count, pair_count, touch_count, route_count;
+    bool has_stops; // whether somebody has to make one; without, nobody waits by arrival either
     float inverse_spacing;
     Gap gap;
     Driver driver;
@@ -93,7 +98,8 @@ struct Problem {
 struct Trajectories {
     float *position, *speed, *acceleration;
     std::uint8_t *enters, *present;
-    std::int16_t* hold = nullptr; // also null where only the others are wanted
+    std::int16_t* hold = nullptr;   // also null where only the others are wanted
+    std::int32_t* waited = nullptr; // likewise, and where nobody has to stop
 };
 
 struct ScenarioArguments {

@@ -8,14 +8,17 @@ namespace intersection_env {
 constexpr int TRACK_COLUMNS = 12;
 // route, half length, half width, top speed, first sample, first step, end step, first recorded step,
 // first companion, companion count, 0, 0
-constexpr int SAMPLE_COLUMNS = 8; // position, speed, held (mask as -1 or 0), v_max, x, y, x and y once braked
+constexpr int SAMPLE_COLUMNS = 8; // position, speed, memory, v_max, x, y, x and y once braked
+// memory: twice the steps since it stopped at its line, and 1 more where it is held
 constexpr int COMPANION_COLUMNS = 16;
-// split, other's merge, offset, may lead; own end, other's end, kind of conflict in which the own one yields (0 none,
-// 1 crossing, 2 merging), went first; fault, other's stop line, half length, half width; other's first sample, first
-// step, end step, route
+// end of a lane that they share, where the other has to be in it, offset, may lead; own end, other's end, kind of
+// conflict (0 none, 1 crossing, 2 merging, 3 by arrival; negative where the other one yields), went first; fault, the
+// conflict's line, half length, half width; other's first sample, first step, end step, route. Two routes that conflict
+// twice, or share two lanes, have two rows.
+constexpr float BY_ARRIVAL = 3.0F;
 
 // When a collision with a companion is the acting vehicle's fault.
-enum class Fault : std::uint8_t { never, always, before_own_end, past_other_end };
+enum class Fault : std::uint8_t { never, always, before_own_end, past_other_end, looked_up };
 
 struct RecordedRows {
     const float *tracks, *samples, *companions, *acceleration;

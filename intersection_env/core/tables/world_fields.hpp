@@ -68,7 +68,7 @@ template <template <class> class Array>
 struct ClosedLoopState {
     Array<std::int32_t> route;
     Array<float> position, speed, half_length, half_width, max_speed, acceleration;
-    Array<std::int32_t> delta, hold;
+    Array<std::int32_t> delta, hold, waited;
     Array<std::int32_t> cycle, ended;
     Array<std::uint32_t> random;
 
@@ -84,6 +84,7 @@ struct ClosedLoopState {
         visit(Field("acceleration", Per::vehicle), &State::acceleration, &Others::acceleration...);
         visit(Field<Mask>("delta", Per::vehicle), &State::delta, &Others::delta...);
         visit(Field("hold", Per::vehicle), &State::hold, &Others::hold...);
+        visit(Field("waited", Per::vehicle), &State::waited, &Others::waited...);
     }
 
     template <class... Others, class Visit>
@@ -120,7 +121,7 @@ template <template <class> class Array>
 struct ReplayState {
     Array<std::int32_t> track, time;
     Array<float> position, speed, acceleration;
-    Array<std::int32_t> delta, expert_delta, ended;
+    Array<std::int32_t> delta, expert_delta, waited, ended;
     Array<std::uint32_t> random;
 
     template <class... Others, class Visit>
@@ -133,6 +134,7 @@ struct ReplayState {
         visit(Field("acceleration", Per::world), &State::acceleration, &Others::acceleration...);
         visit(Field<Mask>("delta", Per::world), &State::delta, &Others::delta...);
         visit(Field<Mask>("expert_delta", Per::world), &State::expert_delta, &Others::expert_delta...);
+        visit(Field("waited", Per::world), &State::waited, &Others::waited...);
         visit(Field<Mask>("done", Per::world), &State::ended, &Others::ended...);
         visit(Field("random", Per::word), &State::random, &Others::random...);
     }

@@ -212,11 +212,12 @@ void ClosedLoop::check(const State& state) const {
         if (!known || !is_within(state.position[k], 0.0F, most) || !(std::fabs(state.speed[k]) <= MOST_SPEED) ||
             !is_within(2.0F * state.half_length[k], LEAST_SIZE, MOST_LENGTH) ||
             !is_within(2.0F * state.half_width[k], LEAST_SIZE, MOST_WIDTH) || !(state.max_speed[k] >= 0.1F) ||
-            !std::isfinite(state.acceleration[k]) || state.hold[k] < -1 || state.hold[k] > routes) {
+            !std::isfinite(state.acceleration[k]) || state.hold[k] < -1 || state.hold[k] > routes ||
+            state.waited[k] < 0 || state.waited[k] > MOST_WAITED) {
             throw std::invalid_argument("world " + std::to_string(k / at(vehicles_)) + ", vehicle " +
                                         std::to_string(k % at(vehicles_)) +
                                         ": its state is out of range (route, position on it, speed up to 100 m/s, "
-                                        "size, hold)");
+                                        "size, hold, waited)");
         }
     }
 }

@@ -93,14 +93,19 @@ void Recorded::check(const Map& map) const {
 
 void Recorded::add_samples(const Map& map) {
     for (int track = 0; track < scenes_.tracks(); ++track) {
+        const int route = scenes_.route[at(track)];
+        const Route& road = map.routes[at(route)];
+        int waited = 0;
         for (long k = scenes_.track_samples[at(track)]; k < scenes_.track_samples[at(track) + 1]; ++k) {
             const float position = scenes_.position[at(k)], speed = scenes_.speed[at(k)];
-            const int route = scenes_.route[at(track)];
+            const float to_line = road.stop_line - (position + 0.5F * scenes_.length[at(track)]);
+            const bool stops = road.must_stop && speed < STOPPED && to_line < AT_LINE;
+            waited += waited > 0 || stops ? 1 : 0;
             const Sample here = map.at(route, position);
             const Sample braked = straight_on(map, route, position + speed * speed * (0.5F / BRAKING));
-            sample_rows_.insert(sample_rows_.end(),
-                                {position, speed, 0.0F, std::min(here.v_max, scenes_.max_speed[at(track)]), here.x,
-                                 here.y, braked.x, braked.y});
+            sample_rows_.insert(sample_rows_.end(), {position, speed, 2.0F * static_cast<float>(waited),
+                                                     std::min(here.v_max, scenes_.max_speed[at(track)]), here.x, here.y,
+                                                     braked.x, braked.y});
         }
     }
 }
@@ -138,44 +143,66 @@ void Recorded::add_track(const Map& map, int track, bool recording) {
          static_cast<float>(static_cast<long>(companion_rows_.size()) / COMPANION_COLUMNS - first), 0.0F, 0.0F});
 }
 
+// One row for each conflict, or lane that they share, of the two.
 void Recorded::add_companion(const Map& map, int own, int other, bool recording) {
     const int route = scenes_.route[at(own)], other_route = scenes_.route[at(other)];
-    const SharedLane* shared = map.shared_lane(route, other_route);
-    const Conflict* conflict = map.conflict(route, other_route);
-    if (route != other_route && shared == nullptr && conflict == nullptr) {
-        return;
+    std::vector<const Conflict*> conflicts;
+    for (const Conflict* conflict : {map.conflict(route, other_route), map.conflict(other_route, route)}) {
+        if (conflict != nullptr) {
+            conflicts.push_back(conflict);
+        }
     }
-    float split = -FAR, merge = FAR, offset = 0.0F, own_end = 0.0F, other_end = 0.0F, kind = 0.0F;
+    std::vector<SharedLane> lanes;
+    for (const SharedLane& lane : map.shared_lanes_of(route, other_route)) {
+        lanes.push_back(lane.seen_from(route));
+    }
     if (route == other_route) {
-        split = FAR;
-    } else if (shared != nullptr && shared->split > 0.0F) {
-        split = shared->split;
-    } else if (shared != nullptr) {
-        merge = shared->a == route ? shared->merge_b : shared->merge_a;
-        offset = shared->a == route ? shared->offset : -shared->offset;
+        lanes.push_back({route, route, -FAR, -FAR, FAR, 0.0F});
     }
-    const bool yields = conflict != nullptr && conflict->yielder == route;
+    const bool can_touch = route == other_route || !map.overlaps_of(route, other_route).empty();
+    const bool looked_up = conflicts.size() > 1 || (!recording && !conflicts.empty() && conflicts[0]->by_arrival);
+    for (std::size_t k = 0; k < std::max(conflicts.size(), lanes.size()); ++k) {
+        const Conflict* conflict = k < conflicts.size() ? conflicts[k] : nullptr;
+        const SharedLane* lane = k < lanes.size() ? &lanes[k] : nullptr;
+        const bool follows = lane != nullptr && is_ahead(*lane, own, other);
+        const bool first = conflict != nullptr && went_first(*conflict, own, other);
+        Fault fault = looked_up ? Fault::looked_up : fault_of(conflict, route, follows, first, recording);
+        if (!can_touch) {
+            fault = Fault::never;
+        }
+        add_companion_row(map, own, other, conflict, lane, {follows, first, fault});
+    }
+}
+
+Fault Recorded::fault_of(const Conflict* conflict, int route, bool follows, bool first, bool recording) {
+    if (conflict == nullptr) {
+        return follows ? Fault::always : Fault::never;
+    }
+    if (recording) {
+        return first ? Fault::never : Fault::always;
+    }
+    if (conflict->yielder == route) {
+        return follows ? Fault::always : Fault::before_own_end;
+    }
+    return follows ? Fault::past_other_end : Fault::never;
+}
+
+void Recorded::add_companion_row(const Map& map, int own, int other, const Conflict* conflict, const SharedLane* lane,
+                                 const Order& order) {
+    const int route = scenes_.route[at(own)], other_route = scenes_.route[at(other)];
+    float own_end = 0.0F, other_end = 0.0F, kind = 0.0F, line = map.routes[at(other_route)].stop_line;
     if (conflict != nullptr) {
+        const bool yields = conflict->yielder == route;
         own_end = (yields ? conflict->on_yielder : conflict->on_prioritized).end;
         other_end = (yields ? conflict->on_prioritized : conflict->on_yielder).end;
-        kind = yields ? (conflict->merging ? 2.0F : 1.0F) : 0.0F;
-    }
-    const bool follows = is_ahead(map, own, other);
-    const bool first = conflict != nullptr && went_first(map, own, other);
-    Fault fault = follows ? Fault::always : Fault::never;
-    if (conflict != nullptr && recording) {
-        fault = first ? Fault::never : Fault::always;
-    } else if (conflict != nullptr && yields) {
-        fault = follows ? Fault::always : Fault::before_own_end;
-    } else if (conflict != nullptr) {
-        fault = follows ? Fault::past_other_end : Fault::never;
-    }
-    if (map.overlap(route, other_route) == nullptr && route != other_route) {
-        fault = Fault::never;
+        kind = conflict->by_arrival ? BY_ARRIVAL : conflict->merging ? 2.0F : 1.0F;
+        kind = yields ? kind : -kind;
+        line = yields && !conflict->by_arrival ? conflict->line : line;
     }
     companion_rows_.insert(companion_rows_.end(),
-                           {split, merge, offset, follows ? 1.0F : 0.0F, own_end, other_end, kind, first ? 1.0F : 0.0F,
-                            static_cast<float>(fault), map.routes[at(other_route)].stop_line,
+                           {lane == nullptr ? -FAR : lane->end, lane == nullptr ? FAR : lane->begin_b,
+                            lane == nullptr ? 0.0F : lane->offset, order.follows ? 1.0F : 0.0F, own_end, other_end,
+                            kind, order.first ? 1.0F : 0.0F, static_cast<float>(order.fault), line,
                             0.5F * scenes_.length[at(other)], 0.5F * scenes_.width[at(other)],
                             static_cast<float>(scenes_.track_samples[at(other)]), static_cast<float>(first_step(other)),
                             static_cast<float>(end_step(other)), static_cast<float>(other_route)});
@@ -197,35 +224,25 @@ float Recorded::reaches(int track, float arc_length) const {
     return NEVER;
 }
 
-// Whether the other one was ahead in the lane that the two share.
-bool Recorded::is_ahead(const Map& map, int own, int other) const {
-    const int route = scenes_.route[at(own)], other_route = scenes_.route[at(other)];
-    const SharedLane* shared = map.shared_lane(route, other_route);
-    if (route != other_route && shared == nullptr) {
-        return false;
-    }
+// Whether the other one was ahead in a lane that the two share.
+bool Recorded::is_ahead(const SharedLane& lane, int own, int other) const {
     const int step = std::max(first_step(own), first_step(other));
     const auto position = [&](int track) {
         return scenes_.position[at(scenes_.track_samples[at(track)] + step - first_step(track))];
     };
-    if (route == other_route || shared->split > 0.0F) {
-        return position(other) > position(own);
+    if (lane.begin_a > -FAR || lane.begin_b > -FAR) {
+        const float own_step = reaches(own, lane.begin_a - 0.5F * scenes_.length[at(own)]);
+        const float other_step = reaches(other, lane.begin_b - 0.5F * scenes_.length[at(other)]);
+        if (own_step != other_step) {
+            return other_step < own_step;
+        }
     }
-    const float own_merge = shared->a == route ? shared->merge_a : shared->merge_b;
-    const float other_merge = shared->a == route ? shared->merge_b : shared->merge_a;
-    const float own_step = reaches(own, own_merge - 0.5F * scenes_.length[at(own)]);
-    const float other_step = reaches(other, other_merge - 0.5F * scenes_.length[at(other)]);
-    if (own_step != other_step) {
-        return other_step < own_step;
-    }
-    const float offset = shared->a == route ? shared->offset : -shared->offset;
-    return position(other) - offset > position(own); // both were there from the first
+    return position(other) - lane.offset > position(own); // both were there from the first
 }
 
 // Whether the own one went first: a yielder whose front reached the conflict before the prioritized vehicle's front
 // did, or a prioritized vehicle whose yielder did not.
-bool Recorded::went_first(const Map& map, int own, int other) const {
-    const Conflict& conflict = *map.conflict(scenes_.route[at(own)], scenes_.route[at(other)]);
+bool Recorded::went_first(const Conflict& conflict, int own, int other) const {
     const bool yields = conflict.yielder == scenes_.route[at(own)];
     const int yielder = yields ? own : other, prioritized = yields ? other : own;
     const bool yielder_first =
@@ -240,7 +257,7 @@ void Recorded::mark_held() {
         const float* row = &track_rows_[at(track) * TRACK_COLUMNS];
         for (long c = static_cast<long>(row[8]); c < static_cast<long>(row[8] + row[9]); ++c) {
             const float* companion = &companion_rows_[at(c * COMPANION_COLUMNS)];
-            if (companion[6] == 0.0F || companion[7] != 0.0F) {
+            if ((companion[6] <= 0.0F && companion[6] != -BY_ARRIVAL) || companion[7] != 0.0F) {
                 continue;
             }
             const int begin = std::max(first_step(track), static_cast<int>(companion[13]));
@@ -251,7 +268,8 @@ void Recorded::mark_held() {
                 const bool active =
                     scenes_.position[at(own)] - row[1] < companion[4] && scenes_.position[at(other)] < companion[5];
                 if (active) {
-                    sample_rows_[at(own) * SAMPLE_COLUMNS + 2] = 1.0F;
+                    float& memory = sample_rows_[at(own) * SAMPLE_COLUMNS + 2];
+                    memory += std::fmod(memory, 2.0F) == 0.0F ? 1.0F : 0.0F;
                 }
             }
         }

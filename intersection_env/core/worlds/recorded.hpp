@@ -36,12 +36,19 @@ class Recorded {
   private:
     void check(const Map& map) const;
     void add_track(const Map& map, int track, bool recording);
+    struct Order {
+        bool follows, first; // the own one was behind in the lane, went first through the conflict
+        Fault fault;
+    };
     void add_companion(const Map& map, int own, int other, bool recording);
+    void add_companion_row(const Map& map, int own, int other, const Conflict* conflict, const SharedLane* lane,
+                           const Order& order);
+    static Fault fault_of(const Conflict* conflict, int route, bool follows, bool first, bool recording);
     void add_samples(const Map& map);
     void add_accelerations();
     void mark_held();
-    bool is_ahead(const Map& map, int own, int other) const;
-    bool went_first(const Map& map, int own, int other) const;
+    bool is_ahead(const SharedLane& lane, int own, int other) const;
+    bool went_first(const Conflict& conflict, int own, int other) const;
     float reaches(int track, float arc_length) const;
 
     RecordedScenes scenes_;

@@ -174,9 +174,9 @@ void Replay::check(const State& state) const {
         if (track < 0 || track >= recorded_.scenes().tracks() || state.time[world] < recorded_.first_step(track) ||
             state.time[world] >= recorded_.end_step(track) || !(std::fabs(state.position[world]) < FAR) ||
             !(state.speed[world] >= 0.0F && state.speed[world] <= MOST_SPEED) ||
-            !std::isfinite(state.acceleration[world])) {
+            !std::isfinite(state.acceleration[world]) || state.waited[world] < 0 || state.waited[world] > MOST_WAITED) {
             throw std::invalid_argument("world " + std::to_string(world) +
-                                        ": its state is out of range (track, time within it, position, speed)");
+                                        ": its state is out of range (track, time within it, position, speed, waited)");
         }
     }
 }

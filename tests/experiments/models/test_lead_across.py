@@ -36,7 +36,9 @@ def leads(model: type[TorchPredictor], traffic: Traffic, policy: PolicyFile) -> 
     """Lead, distance and its speed of each vehicle now."""
     bound = model.of(traffic, policy)
     position, speed, half = bound.vehicles.position, bound.vehicles.speed, bound.vehicles.half_length
-    lead, distance, lead_speed = bound._leads(position, position + half, position - half, speed, bound.vehicles.present)
+    lead, _, distance, lead_speed = bound._leads(
+        position, position + half, position - half, speed, bound.vehicles.present
+    )
     return lead[0], distance[0], lead_speed[0]
 
 

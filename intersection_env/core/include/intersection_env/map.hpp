@@ -4,6 +4,7 @@
 #include <array>
 #include <cstdint>
 #include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -23,30 +24,40 @@ struct Route {
     std::string id;
     float length;
     float stop_line;
-    int stop_lane; // routes with equal index queue in one lane before their stop lines
+    bool must_stop; // a stop is made before that line
+    int stop_lane;  // routes with equal index queue in one lane before their stop lines
     Interval junction;
     float first_conflict; // where the first conflict of the route begins
     std::vector<Sample> samples;
 };
 
-// Two routes from different lanes whose swept areas overlap. The yielder's interval ends at its PGA.
+// Two routes whose swept areas overlap outside of what lanes they share. The yielder's interval ends at its PGA.
 struct Conflict {
     int yielder, prioritized;
     bool merging;
+    bool by_arrival; // who arrived first at an all-way stop goes first; the yielder only waits on a tie
     Interval on_yielder, on_prioritized;
+    float line; // on the prioritized route: how far that vehicle still has to go is measured to there
 };
 
-// Where vehicles of two routes follow each other: before `split` at equal arc lengths, beyond the
-// merges with position_b = position_a + offset.
+// A stretch on which vehicles of two routes follow each other: from begin_a on a and begin_b on b to `end` on a, with
+// position_b = position_a + offset.
 struct SharedLane {
     int a, b;
-    float split, merge_a, merge_b, offset;
+    float begin_a, begin_b, end, offset;
+
+    // The same with `route` as a.
+    SharedLane seen_from(int route) const {
+        return route == a ? *this : SharedLane{b, a, begin_b, begin_a, end + offset, -offset};
+    }
 };
 
 // Where vehicles of two different routes can touch.
 struct Overlap {
     int a, b;
     Interval on_a, on_b;
+
+    Overlap seen_from(int route) const { return route == a ? *this : Overlap{b, a, on_b, on_a}; }
 };
 
 struct Map {
@@ -67,14 +78,22 @@ struct Map {
     // The sample at an arc length, interpolated; the end values hold beyond the ends.
     Sample at(int route, float position) const;
 
-    // The conflict of two routes, whichever yields; null if they have none. Likewise below.
-    const Conflict* conflict(int a, int b) const;
-    const SharedLane* shared_lane(int a, int b) const;
-    const Overlap* overlap(int a, int b) const;
+    // The conflict in which one route yields to the other; null if there is none.
+    const Conflict* conflict(int yielder, int prioritized) const;
+    // What two routes share, and where they overlap, in whichever order they are named.
+    std::span<const SharedLane> shared_lanes_of(int a, int b) const;
+    std::span<const Overlap> overlaps_of(int a, int b) const;
+
+    // Whether somebody has to make a stop.
+    bool has_stops() const { return has_stops_; }
 
   private:
+    struct Rows {
+        int first, count;
+    };
     void index(const class TextReader& reader);
-    std::vector<int> conflict_index_, shared_index_, overlap_index_; // (route, route), -1: none
+    std::vector<Rows> conflict_rows_, shared_rows_, overlap_rows_; // (route, route)
+    bool has_stops_ = false;
 };
 
 } // namespace intersection_env

@@ -51,6 +51,7 @@ struct Prediction {
     std::vector<float> time_loss;              // (scenario, vehicle) [s]
     std::vector<float> minimum_distance;       // (scenario,) [m], infinite where no two vehicles can touch
     std::vector<std::int16_t> hold;            // (scenario, STEPS + 1, vehicle): whom it lets go, as in Traffic
+    std::vector<std::int32_t> waited;          // likewise: since its stop; empty where the map has none
     Traffic traffic;                           // what was predicted
 };
 

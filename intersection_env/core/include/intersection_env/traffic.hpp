@@ -14,6 +14,7 @@ namespace intersection_env {
 constexpr int MAX_VEHICLES = 64; // ours: one machine word of bits in the order search
 constexpr float LEAST_SIZE = 0.1F, MOST_LENGTH = 50.0F, MOST_WIDTH = 10.0F; // [m], ours: longer than any road train
 constexpr float MOST_SPEED = 100.0F;                                        // [m/s], ours: faster is a unit mistaken
+constexpr std::int32_t MOST_WAITED = 1 << 20;                               // steps, ours: more than two days
 constexpr float BRAKING = 4.0F; // [m/s²], paper, Eq. (3): full braking in the reward and the stop-line test
 
 // One entry a vehicle. Positions are arc lengths of vehicle centres [m], speeds [m/s], sizes [m].
@@ -25,9 +26,12 @@ struct Traffic {
     // yielders of routes below that index (-1: nobody). Both empty: docs/model.md, "Memories at the start".
     std::vector<std::uint8_t> delta{};
     std::vector<std::int16_t> hold{};
+    // For how many steps each vehicle has stopped at its line or gone on from there; 0: not yet. Empty: nobody has.
+    std::vector<std::int32_t> waited{};
 
     int count() const { return static_cast<int>(route.size()); }
     bool has_memories() const { return !hold.empty(); }
+    std::int32_t steps_waited(int i) const { return waited.empty() ? 0 : waited[static_cast<std::size_t>(i)]; }
     float front(int i) const {
         return position[static_cast<std::size_t>(i)] + 0.5F * length[static_cast<std::size_t>(i)];
     }

@@ -15,11 +15,11 @@ constexpr float SUMO_TIME_GAP = 1.0F;   // [s], SUMO's jmTimegapMinor
 inline Ints accepts_gap(Gap gap, const GapNetwork* network, const Encounter& e) {
     if (gap == Gap::critical_gap) {
         const Floats critical = e.merging ? all(CRITICAL_GAP_MERGING) : all(CRITICAL_GAP_CROSSING);
-        return e.foe_distance_to_stop_line > critical * most(e.foe_speed, all(LEAST_FOE_SPEED));
+        return e.foe_distance_to_line > critical * most(e.foe_speed, all(LEAST_FOE_SPEED));
     }
     if (gap == Gap::sumo) {
         const Floats leaves = e.distance_to_pga / e.v_max;
-        const Floats foe_arrives = e.foe_distance_to_stop_line / e.foe_v_max;
+        const Floats foe_arrives = e.foe_distance_to_line / e.foe_v_max;
         const Floats foe_leaves = e.foe_distance_to_clear / e.foe_v_max;
         return (foe_arrives > leaves + SUMO_TIME_GAP) | (foe_leaves < e.distance_to_stop_line / e.v_max);
     }

@@ -69,17 +69,18 @@ inline void driving_features(const VehicleLanes& vehicle, Floats* features) {
 // What a yielding vehicle and its foe are to each other.
 struct Encounter {
     Floats distance_to_pga, speed, v_max, distance_to_stop_line;
-    Floats foe_distance_to_stop_line, foe_speed, foe_v_max, foe_distance_to_clear;
+    Floats foe_distance_to_line, foe_speed, foe_v_max, foe_distance_to_clear;
     Ints merging; // mask
 };
 
-inline Encounter encounter(const VehicleLanes& yielder, Floats pga, const VehicleLanes& foe, Floats foe_end,
-                           Ints merging) {
+// foe_line: to where it is measured how far the foe still has to go, mostly its stop line.
+inline Encounter encounter(const VehicleLanes& yielder, Floats pga, const VehicleLanes& foe, Floats foe_line,
+                           Floats foe_end, Ints merging) {
     return {pga - yielder.rear,
             yielder.speed,
             yielder.v_max(),
             yielder.distance_to_stop_line,
-            foe.distance_to_stop_line,
+            foe_line - foe.front,
             foe.speed,
             foe.v_max(),
             foe_end - foe.rear,
@@ -90,7 +91,7 @@ inline Encounter encounter(const VehicleLanes& yielder, Floats pga, const Vehicl
 inline void gap_features(const Encounter& e, Floats* features) {
     features[0] = e.distance_to_pga;
     features[1] = e.speed;
-    features[2] = e.foe_distance_to_stop_line;
+    features[2] = e.foe_distance_to_line;
     features[3] = e.foe_speed;
 }
 

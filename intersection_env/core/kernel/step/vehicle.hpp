@@ -16,7 +16,7 @@ struct Seen {
 
 struct VehicleLanes : Seen {
     Floats position, speed;
-    Ints delta, hold; // the memories of the model; delta is a mask
+    Ints delta, hold, waited; // the memories of the model; delta is a mask
 
     Floats front, rear, distance_to_stop_line, braking_distance;
     Floats environment[8]; // the IDM's free speed, v_max, six relative headings

@@ -22,6 +22,23 @@ inline void take_leave(const MapRows& map, ClosedLoopLanes& run, int i) {
     run.step_reward[i] = reward(gone, gone.acceleration, Ints{});
 }
 
+// Where `counts`; the other one was not observed since it moved.
+inline void follow_newcomers_lead(const Relation& r, Ints counts, const Slot& other, Slot& slot) {
+    const Floats rear = other.position - other.half_length, front = other.position + other.half_length;
+    const Floats ahead = other.position - r.offset - slot.position;
+    const Ints there = ((slot.rear < r.split) & (rear < r.split)) | (r.merging & (front > r.other_end));
+    follow(slot, counts & there & (ahead > 0.0F), ahead - (slot.half_length + other.half_length), other.speed,
+           all_ints(-1));
+}
+
+inline void follow_newcomers_lead(const Link& r, Ints counts, const Slot& other, Slot& slot) {
+    const Floats there = other.position - r.offset, ahead = there - slot.position;
+    const Ints in_lane = (slot.rear < r.end) & (there - other.half_length < r.end) &
+                         (other.position + other.half_length > r.other_begin);
+    follow(slot, counts & in_lane & (ahead > 0.0F), ahead - (slot.half_length + other.half_length), other.speed,
+           all_ints(-1));
+}
+
 inline void reinsert(const MapRows& map, int count, ClosedLoopLanes& run, int i) {
     World& world = run.world;
     Slot& slot = world.slots[i];
@@ -33,16 +50,17 @@ inline void reinsert(const MapRows& map, int count, ClosedLoopLanes& run, int i)
     slot.position = left ? all(0.0F) : slot.position;
     slot.delta = left ? Ints{} : slot.delta;
     slot.hold = left ? all_ints(-1) : slot.hold;
+    slot.waited = left ? Ints{} : slot.waited;
     observe_vehicle(map, slot);
     for (int j = 0; j < count; ++j) {
         const Slot& other = world.slots[j];
-        const Floats rear = other.position - other.half_length, front = other.position + other.half_length;
-        const Relation r = relation(map, slot, other);
-        const Floats ahead = other.position - r.offset - slot.position;
-        const Ints there = ((slot.rear < r.split) & (rear < r.split)) | (r.merging & (front > r.other_end));
         const Ints counts = j == i ? Ints{} : (j < i ? all_ints(-1) : ~run.world.slots[j].left);
-        follow(slot, counts & there & (ahead > 0.0F), ahead - (slot.half_length + other.half_length), other.speed,
-               all_ints(-1));
+        if (map.links == nullptr) {
+            follow_newcomers_lead(relation(map, slot, other), counts, other, slot);
+        }
+        for (int k = 0; k < map.link_count; ++k) {
+            follow_newcomers_lead(link(map, slot, other, k), counts, other, slot);
+        }
     }
     const Ints waits = slot.delta;
     slot.delta = all_ints(-1); // the stop line is far

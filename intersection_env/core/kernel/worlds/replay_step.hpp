@@ -42,6 +42,8 @@ inline void load_expert(const ReplayArguments& g, ReplayLanes& run) {
     load_rows<1>(g.recorded.samples, sample * SAMPLE_COLUMNS, row);
     run.expert.position = row[0];
     run.expert.speed = row[1];
+    const Ints waited = as_ints(row[2]) >> 1; // remember_stop counts this step once more
+    run.expert.waited = waited > 0 ? waited - 1 : waited;
     for (int l = 0; l < WIDTH; ++l) {
         run.expert_acceleration[l] = g.recorded.acceleration[sample[l]];
     }
@@ -52,6 +54,8 @@ struct Companion {
     Floats row[COMPANION_COLUMNS], sample[SAMPLE_COLUMNS];
     Ints present, row_offset;
 
+    Ints held() const { return (as_ints(sample[2]) & 1) != 0; }
+    Ints waited() const { return as_ints(sample[2]) >> 1; }
     Floats position() const { return sample[0]; }
     Floats speed() const { return sample[1]; }
     Floats front() const { return sample[0] + row[10]; }
@@ -70,20 +74,34 @@ inline Companion companion(const ReplayArguments& g, const ReplayLanes& run, int
     return one;
 }
 
+// Mask: of two that come to an all-way stop, the own one goes first.
+inline Ints arrived_first(const Companion& other, const Slot& own) {
+    const Ints cannot_stop = other.row[9] - other.front() < braking_distance(other.speed());
+    const Ints theirs = turn(other.waited(), Ints{}, cannot_stop, cannot_stop), route = as_ints(other.row[15]);
+    const Ints yields = by_arrival(own.turn, theirs, other.held() ? route : all_ints(-1), own.route) > 0;
+    const Ints goes = by_arrival(theirs, own.turn, own.hold, route) < 0;
+    return other.row[6] > 0.0F ? yields : goes;
+}
+
 inline void meet(const ReplayArguments& g, const Companion& other, Slot& own) {
-    const Floats ahead = other.position() - other.row[2] - own.position;
-    const Ints entry = (own.rear < other.row[0]) & (other.rear() < other.row[0]);
-    const Ints leads =
-        other.present & (other.row[3] > 0.0F) & (ahead > 0.0F) & (entry | (other.front() > other.row[1]));
+    const Floats end = other.row[0], there = other.position() - other.row[2], ahead = there - own.position;
+    const Ints in_lane = (own.rear < end) & (there - other.row[10] < end) & (other.front() > other.row[1]);
+    const Ints leads = other.present & (other.row[3] > 0.0F) & (ahead > 0.0F) & in_lane;
     follow(own, leads, ahead - (own.half_length + other.row[10]), other.speed(), all_ints(-1));
 
     const Floats kind = other.row[6];
-    Ints open = other.present & (kind != 0.0F) & (own.rear < other.row[4]) & (other.position() < other.row[5]);
+    const Ints in_turn = magnitude(kind) == BY_ARRIVAL;
+    Ints open =
+        other.present & ((kind > 0.0F) | in_turn) & (own.rear < other.row[4]) & (other.position() < other.row[5]);
     if (g.recording) {
         own.refused |= open & (other.row[7] == 0.0F);
         return;
     }
-    open &= ~((other.sample[2] != 0.0F) & (as_ints(other.row[15]) > own.route)); // it is held, and holds nobody up
+    if (any(open & in_turn)) {
+        own.refused |= open & in_turn & ~arrived_first(other, own);
+        open &= ~in_turn;
+    }
+    open &= ~(other.held() & (as_ints(other.row[15]) > own.route)); // it is held, and holds nobody up
     if (any(open)) {
         const Encounter met = {other.row[4] - own.rear,
                                own.speed,
@@ -98,11 +116,30 @@ inline void meet(const ReplayArguments& g, const Companion& other, Slot& own) {
     }
 }
 
+// Whether a collision is the acting vehicle's fault, as the row of the companion has it: by the right of way of that
+// row's conflict, or without one that counts by the order in the lane.
+inline bool is_at_fault(const ReplayArguments& g, const Companion& other, int lane, const Body& own, const Body& foe) {
+    const Conflict* conflict = conflict_before_pga(*g.map.whole, own, foe);
+    if (conflict == nullptr) {
+        return other.row[3][lane] > 0.0F;
+    }
+    const float kind = other.row[6][lane];
+    const bool yields = conflict->yielder == own.route;
+    if (kind == 0.0F || (kind > 0.0F) != yields) {
+        return false;
+    }
+    if (g.recording) {
+        return other.row[7][lane] == 0.0F;
+    }
+    return conflict->by_arrival && own.waited != foe.waited ? own.waited < foe.waited : yields;
+}
+
 // Marks the lanes where the acting vehicle collides by its own fault.
 inline void touch(const ReplayArguments& g, const Companion& other, ReplayLanes& run) {
     const Slot& own = run.acting;
     const Ints fault = as_ints(other.row[8]);
-    const Ints at_fault = (fault == static_cast<int>(Fault::always)) |
+    const Ints looked_up = fault == static_cast<int>(Fault::looked_up);
+    const Ints at_fault = looked_up | (fault == static_cast<int>(Fault::always)) |
                           ((fault == static_cast<int>(Fault::before_own_end)) & (own.rear < other.row[4])) |
                           ((fault == static_cast<int>(Fault::past_other_end)) & (other.rear() >= other.row[5]));
     constexpr float MARGIN = COLLISION_DISTANCE + 0.1F; // rounding, and headings beyond the end of a route
@@ -115,10 +152,12 @@ inline void touch(const ReplayArguments& g, const Companion& other, ReplayLanes&
     for (unsigned lanes = bits(near); lanes != 0; lanes &= lanes - 1) {
         const int l = __builtin_ctz(lanes);
         const float speed = other.sample[1][l];
-        const Body body{own.route[l], own.position[l], 2.0F * own.half_length[l], 2.0F * own.half_width[l]};
+        const Body body{own.route[l], own.position[l], 2.0F * own.half_length[l], 2.0F * own.half_width[l],
+                        own.waited[l]};
         const Body foe{static_cast<int>(other.row[15][l]), other.sample[0][l], 2.0F * other.row[10][l],
-                       2.0F * other.row[11][l]};
-        if (collide(*g.map.whole, body, foe, own.braking_distance[l], speed * speed * (0.5F / BRAKING))) {
+                       2.0F * other.row[11][l], other.waited()[l]};
+        if (collide(*g.map.whole, body, foe, own.braking_distance[l], speed * speed * (0.5F / BRAKING)) &&
+            (looked_up[l] == 0 || is_at_fault(g, other, l, body, foe))) {
             run.collided[l] = -1;
         }
     }
@@ -129,6 +168,10 @@ inline void look(const ReplayArguments& g, ReplayLanes& run) {
     observe_vehicle(g.map, run.acting);
     observe_vehicle(g.map, run.expert);
     locate(g.map, run.acting);
+    if (g.map.stops != 0 && !g.recording) {
+        remember_stop(run.acting);
+        remember_stop(run.expert);
+    }
     run.collided = Ints{};
     int most = 0;
     for (int l = 0; l < WIDTH; ++l) {
@@ -173,6 +216,7 @@ inline void begin(const ReplayArguments& g, Ints wanted, Ints given, ReplayLanes
     run.acting.position = wanted ? run.expert.position : before.position;
     run.acting.speed = wanted ? run.expert.speed : before.speed;
     run.acting.acceleration = wanted ? run.expert_acceleration : before.acceleration;
+    run.acting.waited = wanted ? run.expert.waited : before.waited;
     remember(g, run.acting);
     remember(g, run.expert);
     run.acting.delta = wanted ? run.acting.delta : before.delta;
@@ -181,10 +225,11 @@ inline void begin(const ReplayArguments& g, Ints wanted, Ints given, ReplayLanes
 
 // What is now seen of new episodes; the decisions of lanes outside the mask stay.
 inline void look_again(const ReplayArguments& g, Ints decided, ReplayLanes& run) {
-    const Ints delta = run.acting.delta, expert_delta = run.expert.delta;
+    const Ints delta = run.acting.delta, expert_delta = run.expert.delta, waited = run.acting.waited;
     look(g, run);
     run.acting.delta = decided ? run.acting.delta : delta;
     run.expert.delta = decided ? run.expert.delta : expert_delta;
+    run.acting.waited = decided ? run.acting.waited : waited;
 }
 
 // From actions to the new state, rewards and ends; returns the mask of episodes that end.

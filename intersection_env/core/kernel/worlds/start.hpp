@@ -34,7 +34,15 @@ inline Ints crowded(const MapRows& map, const World& world, int index) {
     const Slot& own = world.slots[index];
     const Floats rear = own.position - own.half_length, front = own.position + own.half_length;
     Ints result{};
-    for (int k = 0; k < index; ++k) {
+    for (int k = 0; k < index * map.link_count; ++k) {
+        const Slot& other = world.slots[k / map.link_count];
+        const Link r = link(map, own, other, k % map.link_count);
+        const Floats there = other.position - r.offset;
+        const Ints in_lane = (rear < r.end) & (there - other.half_length < r.end) & (front > r.own_begin) &
+                             (other.position + other.half_length > r.other_begin);
+        result |= in_lane & (magnitude(there - own.position) - (own.half_length + other.half_length) < STANDING_APART);
+    }
+    for (int k = 0; k < index && map.links == nullptr; ++k) {
         const Slot& other = world.slots[k];
         const Relation r = relation(map, own, other);
         const Ints entry = (rear < r.split) & (other.position - other.half_length < r.split);
@@ -75,6 +83,7 @@ inline void look_afresh(const MapRows& map, const GapNetwork* network, int count
         }
         slot.delta = committed(slot);
         slot.hold = all_ints(-1);
+        slot.waited = Ints{};
         slot.left = Ints{};
     }
     decide<GAP>(map, network, count, contacts, world);

@@ -4,6 +4,7 @@
 #include "kernel/lanes/random.hpp"
 #include "kernel/step/decide.hpp"
 #include "kernel/step/reward.hpp"
+#include "kernel/step/stops.hpp"
 #include "model/circles.hpp"
 #include "model/contact.hpp"
 #include "tables/map_tables.hpp"
@@ -15,7 +16,8 @@ struct Slot : VehicleLanes {
     Ints route;
 
     Floats stop_line, route_length, first_conflict, last_row; // of the route
-    Ints first_row, stop_lane, overlaps, pair_row;
+    Ints first_row, stop_lane, overlaps, pair_row, must_stop;
+    Ints turn; // at an all-way stop
 
     Floats x, y, braked_x, braked_y, reach; // reach: no circle goes further from the centre [m]
     Ints left, blamed;                      // masks; left: reinserted in this step
@@ -28,7 +30,7 @@ struct Slot : VehicleLanes {
 // Gap decisions that wait for the network, which takes them a full row of lanes at a time.
 struct Waiting {
     int who[3 * WIDTH]; // lane, yielder and foe, a byte each
-    float pga[3 * WIDTH];
+    float pga[3 * WIDTH], line[3 * WIDTH];
     int count;
 };
 
@@ -50,7 +52,9 @@ inline void load_route(const MapRows& map, Slot& slot) {
     slot.last_row = row[4];
     slot.stop_lane = as_ints(row[5]);
     slot.overlaps = as_ints(row[6]) | (as_ints(row[7]) << 16);
-    slot.pair_row = slot.route * (map.route_count * PAIR_COLUMNS);
+    slot.pair_row =
+        slot.route * (map.route_count * (map.links == nullptr ? PAIR_COLUMNS : map.link_count * LINK_COLUMNS));
+    slot.must_stop = ((all_ints(static_cast<int>(map.stops)) >> slot.route) & 1) != 0;
     slot.reach = slot.half_length * (2.0F * CIRCLE_OFFSET) + slot.half_width * (2.0F * CIRCLE_RADIUS);
 }
 
@@ -97,6 +101,19 @@ inline Relation relation(const MapRows& map, const Slot& own, const Slot& other)
             merging};
 }
 
+// A conflict, a lane that they share, or both; see LINK_COLUMNS.
+struct Link {
+    Floats own_end, other_end, kind, line;
+    Floats other_begin, own_begin, end, offset;
+    Ints by_arrival;
+};
+
+inline Link link(const MapRows& map, const Slot& own, const Slot& other, int k) {
+    Floats row[LINK_COLUMNS];
+    load_rows<3>(map.links, own.pair_row + (other.route * map.link_count + k) * LINK_COLUMNS, row);
+    return {row[0], row[1], row[2], row[3], row[4], row[5], row[6], row[7], row[8] != 0.0F};
+}
+
 // The network's answers to the first that wait, at most a row of them.
 inline void answer(const GapNetwork& network, World& world) {
     Waiting& waiting = world.waiting;
@@ -107,7 +124,7 @@ inline void answer(const GapNetwork& network, World& world) {
         const Slot &yielder = world.slots[waiting.who[k] >> 8 & 255], &foe = world.slots[waiting.who[k] >> 16];
         features[0][k] = waiting.pga[k] - yielder.rear[l];
         features[1][k] = yielder.speed[l];
-        features[2][k] = foe.distance_to_stop_line[l];
+        features[2][k] = waiting.line[k] - foe.front[l];
         features[3][k] = foe.speed[l];
     }
     const Floats logit = evaluate(network, reinterpret_cast<const Floats*>(features), LeakyRelu{});
@@ -120,20 +137,49 @@ inline void answer(const GapNetwork& network, World& world) {
     for (int k = 0; k < waiting.count; ++k) {
         waiting.who[k] = waiting.who[k + WIDTH];
         waiting.pga[k] = waiting.pga[k + WIDTH];
+        waiting.line[k] = waiting.line[k + WIDTH];
     }
 }
 
 // Puts the open lanes of vehicles i and j on the list.
-inline void ask(const GapNetwork& network, Ints open, Ints first_yields, Floats pga, int i, int j, World& world) {
+inline void ask(const GapNetwork& network, Ints open, Ints first_yields, Floats pga, Floats line, int i, int j,
+                World& world) {
     Waiting& waiting = world.waiting;
     const Ints who = lane_numbers() | (first_yields ? all_ints(i << 8 | j << 16) : all_ints(j << 8 | i << 16));
     const unsigned lanes = bits(open);
     compress(who, lanes, waiting.who + waiting.count);
     compress(reinterpret_cast<Ints>(pga), lanes, reinterpret_cast<int*>(waiting.pga + waiting.count));
+    compress(reinterpret_cast<Ints>(line), lanes, reinterpret_cast<int*>(waiting.line + waiting.count));
     waiting.count += __builtin_popcount(lanes);
     if (waiting.count >= WIDTH) {
         answer(network, world);
     }
+}
+
+// The gap decision of two vehicles of which a sees `seen`. kind, own_end, other_end: as in Link; line: of the one that
+// goes first. open: where it counts.
+template <Gap GAP>
+inline void judge(const GapNetwork* network, World& world, int i, int j, Ints open, Floats kind, Floats own_end,
+                  Floats other_end, Floats line, Seen& seen) {
+    Slot &a = world.slots[i], &b = world.slots[j];
+    const Ints a_yields = kind > 0.0F;
+    const Floats pga = a_yields ? own_end : other_end, foe_end = a_yields ? other_end : own_end;
+    if constexpr (GAP == Gap::network) {
+        ask(*network, open, a_yields, pga, line, i, j, world);
+        return;
+    }
+    const Encounter met = {pga - (a_yields ? a.rear : b.rear),
+                           a_yields ? a.speed : b.speed,
+                           a_yields ? a.v_max() : b.v_max(),
+                           a_yields ? a.distance_to_stop_line : b.distance_to_stop_line,
+                           line - (a_yields ? b.front : a.front),
+                           a_yields ? b.speed : a.speed,
+                           a_yields ? b.v_max() : a.v_max(),
+                           foe_end - (a_yields ? b.rear : a.rear),
+                           magnitude(kind) == 2.0F};
+    const Ints refused = open & ~accepts_gap(GAP, nullptr, met);
+    seen.refused |= refused & a_yields;
+    b.refused |= refused & ~a_yields;
 }
 
 // Who leads whom, and whether the one that yields to the other accepts the gap. seen: what a has seen so far.
@@ -157,25 +203,47 @@ inline void meet(const MapRows& map, const GapNetwork* network, World& world, in
     b.kept |= active & a_yields & settled(a) & ~b.delta;
     seen.kept |= active & ~a_yields & settled(b) & ~a.delta;
     const Ints open = active & (foe_hold <= route);
-    if (!any(open)) {
-        return;
+    if (any(open)) {
+        const Floats line = a_yields ? b.stop_line : a.stop_line;
+        judge<GAP>(network, world, i, j, open, r.kind, r.own_end, r.other_end, line, seen);
     }
-    if constexpr (GAP == Gap::network) {
-        ask(*network, open, a_yields, pga, i, j, world);
-        return;
+}
+
+// Of two that came to an all-way stop, the later one waits. first: mask, where a is the one that yields on a tie.
+inline void meet_by_arrival(const Link& r, Ints first, Slot& a, Slot& b, Seen& seen) {
+    const Ints way = first ? by_arrival(a.turn, b.turn, b.hold, a.route) : -by_arrival(b.turn, a.turn, a.hold, b.route);
+    const Ints a_waits = (way < 0) & (a.rear < r.own_end) & (b.position < r.other_end);
+    const Ints b_waits = (way > 0) & (b.rear < r.other_end) & (a.position < r.own_end);
+    seen.refused |= r.by_arrival & a_waits;
+    b.refused |= r.by_arrival & b_waits;
+}
+
+// The same where routes may share lanes anywhere, conflict twice, or come to an all-way stop.
+template <Gap GAP>
+inline void meet_along_lanes(const MapRows& map, const GapNetwork* network, World& world, int i, int j, Seen& seen) {
+    Slot &a = world.slots[i], &b = world.slots[j];
+    const Ints same_lane = a.stop_lane == b.stop_lane;
+    for (int k = 0; k < map.link_count; ++k) {
+        const Link r = link(map, a, b, k);
+        const Floats there = b.position - r.offset,
+                     gap = magnitude(there - a.position) - (a.half_length + b.half_length);
+        const Ints in_lane = (a.rear < r.end) & (there - b.half_length < r.end);
+        follow(seen, in_lane & (there > a.position) & (b.front > r.other_begin), gap, b.speed,
+               same_lane ? b.hold : all_ints(-1));
+        follow(b, in_lane & (there < a.position) & (a.front > r.own_begin), gap, a.speed,
+               same_lane ? a.hold : all_ints(-1));
+        const Ints a_yields = r.kind > 0.0F, exists = r.kind != 0.0F;
+        meet_by_arrival(r, a_yields, a, b, seen);
+        const Ints active = exists & ~r.by_arrival &
+                            (a_yields ? (a.rear < r.own_end) & (b.position < r.other_end)
+                                      : (b.rear < r.other_end) & (a.position < r.own_end));
+        b.kept |= active & a_yields & settled(a) & ~b.delta;
+        seen.kept |= active & ~a_yields & settled(b) & ~a.delta;
+        const Ints open = active & ((a_yields ? b.hold : a.hold) <= (a_yields ? a.route : b.route));
+        if (any(open)) {
+            judge<GAP>(network, world, i, j, open, r.kind, r.own_end, r.other_end, r.line, seen);
+        }
     }
-    const Encounter met = {pga - rear,
-                           a_yields ? a.speed : b.speed,
-                           a_yields ? a.v_max() : b.v_max(),
-                           a_yields ? a.distance_to_stop_line : b.distance_to_stop_line,
-                           a_yields ? b.distance_to_stop_line : a.distance_to_stop_line,
-                           a_yields ? b.speed : a.speed,
-                           a_yields ? b.v_max() : a.v_max(),
-                           foe_end - (a_yields ? b.rear : a.rear),
-                           r.merging};
-    const Ints refused = open & ~accepts_gap(GAP, nullptr, met);
-    seen.refused |= refused & a_yields;
-    b.refused |= refused & ~a_yields;
 }
 
 // Marks who is to blame where two vehicles collide. Circles that are far apart are not looked at closely.
@@ -188,8 +256,8 @@ inline void touch(const MapRows& map, World& world, int i, int j) {
                       (((a.overlaps >> b.route) & 1) != 0) & world.exists;
     for (unsigned lanes = bits(near); lanes != 0; lanes &= lanes - 1) {
         const int l = __builtin_ctz(lanes);
-        const Body body_a{a.route[l], a.position[l], 2.0F * a.half_length[l], 2.0F * a.half_width[l]};
-        const Body body_b{b.route[l], b.position[l], 2.0F * b.half_length[l], 2.0F * b.half_width[l]};
+        const Body body_a{a.route[l], a.position[l], 2.0F * a.half_length[l], 2.0F * a.half_width[l], a.waited[l]};
+        const Body body_b{b.route[l], b.position[l], 2.0F * b.half_length[l], 2.0F * b.half_width[l], b.waited[l]};
         if (collide(*map.whole, body_a, body_b, a.braking_distance[l], b.braking_distance[l])) {
             world.collided[l] = -1;
             if ((a.left[l] | b.left[l]) != 0) {
@@ -202,17 +270,24 @@ inline void touch(const MapRows& map, World& world, int i, int j) {
     }
 }
 
-// Needs observe_vehicle of each, and the memories before the decision; contacts: needs locate, and looks for
-// collisions.
-template <Gap GAP>
-inline void decide(const MapRows& map, const GapNetwork* network, int count, bool contacts, World& world) {
-    world.waiting.count = 0;
-    world.collided = Ints{};
+// Where the map has stops. Needs observe_vehicle.
+inline void remember_stop(Slot& slot) {
+    remember_stop(slot.must_stop, all_ints(-1), slot);
+    slot.turn = turn(slot.waited, Ints{}, settled(slot), slot.distance_to_stop_line < slot.braking_distance);
+}
+
+// Each vehicle of a world with each.
+template <Gap GAP, bool PLAIN>
+inline void meet_all(const MapRows& map, const GapNetwork* network, int count, bool contacts, World& world) {
     for (int i = 0; i < count; ++i) {
         Slot& slot = world.slots[i];
         Seen seen = slot;
         for (int j = i + 1; j < count; ++j) {
-            meet<GAP>(map, network, world, i, j, seen);
+            if constexpr (PLAIN) {
+                meet<GAP>(map, network, world, i, j, seen);
+            } else {
+                meet_along_lanes<GAP>(map, network, world, i, j, seen);
+            }
             if (contacts) {
                 touch(map, world, i, j);
             }
@@ -220,6 +295,28 @@ inline void decide(const MapRows& map, const GapNetwork* network, int count, boo
         const Ints refused = slot.refused | seen.refused; // the network may have answered in between
         static_cast<Seen&>(slot) = seen;
         slot.refused = refused;
+    }
+}
+
+template <Gap GAP>
+[[gnu::noinline]] void meet_all_along_lanes(const MapRows& map, const GapNetwork* network, int count, bool contacts,
+                                            World& world) {
+    meet_all<GAP, false>(map, network, count, contacts, world);
+}
+
+// Needs observe_vehicle of each, and the memories before the decision; contacts: needs locate, and looks for
+// collisions.
+template <Gap GAP>
+inline void decide(const MapRows& map, const GapNetwork* network, int count, bool contacts, World& world) {
+    world.waiting.count = 0;
+    world.collided = Ints{};
+    for (int i = 0; i < count && map.stops != 0; ++i) {
+        remember_stop(world.slots[i]);
+    }
+    if (map.links == nullptr) {
+        meet_all<GAP, true>(map, network, count, contacts, world);
+    } else {
+        meet_all_along_lanes<GAP>(map, network, count, contacts, world);
     }
     if (GAP == Gap::network && world.waiting.count > 0) {
         answer(*network, world);
