@@ -89,6 +89,8 @@ pages: demo reproduce bench ## measures anew and makes the pages of docs/ that a
 	$(RUN) -m intersection_env.plots bendplatz --out docs/pictures/bendplatz.png
 	$(RUN) -m intersection_env.plots t_junction --out docs/pictures/t_junction.png
 	$(RUN) -m intersection_env.plots crossroads --out docs/pictures/crossroads.png
+	$(RUN) -m intersection_env.plots all_way_stop --out docs/pictures/all_way_stop.png
+	$(RUN) -m intersection_env.plots roundabout --out docs/pictures/roundabout.png
 	$(RUN) -m data.build $(RECORDINGS) --map bendplatz --out out/scenes.npz
 	$(RUN) -m experiments.gap --scenes out/scenes.npz --out out --figure docs/pictures/gap_acceptance.png
 	$(RUN) -m experiments.documentation.environments

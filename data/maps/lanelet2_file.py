@@ -204,9 +204,8 @@ def _rights(
             name for name, sign in SIGNS.items() if sign == "stop"
         ]
         if kind == "all_way_stop":
-            ignored["all-way stop (read as a stop at each arm, then right before left)"] += 1
             for id in yields:
-                found[id] = replace(found[id], signs=found[id].signs | {"stop"})
+                found[id] = replace(found[id], signs=found[id].signs | {"all_way_stop"})
         else:
             rights.append(RightOfWay(frozenset(yields), frozenset(prior), stops))
         for ref in _refs(element, "ref_line"):

@@ -12,7 +12,7 @@ import shapely
 from intersection_env.maps.curve import Points, along
 
 STEP = 0.5  # [m], ours: between the points of a centreline
-SIGNS = ("priority", "yield", "stop")
+SIGNS = ("priority", "yield", "stop", "all_way_stop")
 
 
 @dataclass(frozen=True)

@@ -57,7 +57,6 @@ def find_paths(lane_map: LaneMap, circle: Circle, inside: set[str], left_out: Co
         inside,
         1,
     )
-    exits = _without_merges(exits, left_out)
     whole = [replace(path, approach=approaches[path.approach[0]], leaving=exits[path.leaving[0]]) for path in paths]
     return _parted_inside(lane_map, whole)
 
@@ -131,24 +130,3 @@ def _bend(lane_map: LaneMap, one: str, other: str, sign: int) -> float:
         east, north = points[-1] - points[0]
         headings.append(np.arctan2(north, east))
     return abs(wrap(headings[1] - headings[0]))
-
-
-def _without_merges(exits: dict[str, tuple[str, ...]], left_out: Counter[str]) -> dict[str, tuple[str, ...]]:
-    """Of lanes that merge behind the junction one goes on, the one with the longest way to there; others end."""
-    taken: dict[str, str] = {}
-    for start, chain in sorted(exits.items(), key=lambda item: (-len(item[1]), item[0])):
-        for one in chain:
-            taken.setdefault(one, start)
-    cut: dict[str, tuple[str, ...]] = {}
-    for start, chain in exits.items():
-        own = _own(chain, start, taken)
-        left_out["exit that ends where it merges into another"] += len(own) < len(chain)
-        cut[start] = own
-    return cut
-
-
-def _own(chain: Sequence[str], start: str, taken: Mapping[str, str]) -> tuple[str, ...]:
-    for number, one in enumerate(chain):
-        if taken[one] != start and number:
-            return tuple(chain[:number])
-    return tuple(chain)

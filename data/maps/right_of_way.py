@@ -16,7 +16,7 @@ MAIN = np.radians(45.0)  # ours: the two arms of a main road are opposite by at 
 def rights_of_arms(
     lane_map: LaneMap, arms: Sequence[ArmLanes], ways: Mapping[str, Way], guessed: list[str]
 ) -> dict[str, str]:
-    """By arm, "priority", "yield" or "stop"; what no rule or sign says is added to `guessed`, in words.
+    """By arm, the word that a source has for it; what no rule or sign says is added to `guessed`, in words.
 
     ways: by route id.
     """
@@ -40,7 +40,7 @@ def rights_of_arms(
         return found
     main = _main_road(open_)
     for arm in open_:
-        found[arm.name] = "priority" if not main or arm.name in main else "yield"
+        found[arm.name] = "right_before_left" if not main else "priority" if arm.name in main else "yield"
     if main:
         guessed.append(f"right of way: nothing in the file; the main road is {main[0]} and {main[1]}, others yield")
     else:
@@ -93,7 +93,7 @@ def _by_sign(lane_map: LaneMap, own: Mapping[str, Way]) -> str | None:
             each.append(frozenset().union(*(lane_map.lanelets[id].signs for id in ids)))
         each = [signs for signs in each if signs]
         common = frozenset.intersection(*each) if each else frozenset()
-        for sign in ("stop", "yield", "priority"):
+        for sign in ("all_way_stop", "stop", "yield", "priority"):
             if sign in (common or frozenset().union(*each)):
                 return sign
     return None

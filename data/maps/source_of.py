@@ -15,6 +15,7 @@ from data.maps.junction import Circle, chosen, cut_at_junction, junctions, meeti
 from data.maps.lanelets import LaneMap
 from data.maps.paths import Way, find_paths
 from data.maps.right_of_way import rights_of_arms, yields_by_rule
+from data.maps.ring import arms_of_ring, around, ring_of
 from data.maps.room import length_of, with_room
 from data.maps.smooth import polyline, telling
 from data.maps.stop_lines import with_stop_lines
@@ -47,6 +48,8 @@ class Imported:
             routes[one.id] = {"approach": list(one.approach), "exit": list(one.leaving)}
             if one.inside is not None:
                 routes[one.id]["inside"] = rounded(one.inside)
+            if one.interior:
+                routes[one.id]["inside"] = list(one.interior)
         return {
             "format": FORMAT,
             "version": VERSION,
@@ -64,6 +67,7 @@ class Imported:
             "stop_lines": {name: rounded(line) for name, line in source.stop_lines.items()},
             "routes": routes,
             "yields": [list(pair) for pair in sorted(source.yields)],
+            "free": sorted(sorted(pair) for pair in source.free),
         }
 
 
@@ -92,9 +96,10 @@ def source_of(lane_map: LaneMap, name: str, around: Circle | None, locations: Se
     named = _named(arms, ways, dropped)
     counts.update({f"way: {why}": count for why, count in dropped.items() if count})
     guessed = _loose_joints(lane_map, named)
-    rights = rights_of_arms(lane_map, arms, named, guessed)
+    ring = ring_of(lane_map, inside)
+    rights = _rights(lane_map, arms, named, ring, guessed)
     limits = {arm.name: _limit(lane_map, arm, named, guessed) for arm in arms}
-    lanes, routes = _lanes(lane_map, arms, named)
+    lanes, routes = _lanes(lane_map, arms, named, ring)
     used = {route.entry for route in routes} | {route.exit for route in routes}
     by_name = {arm.name: Arm(rights[arm.name], limits[arm.name]) for arm in arms if arm.name in used}
     source = MapSource(name, tuple(locations), by_name, lanes, {}, tuple(routes), frozenset())
@@ -150,6 +155,20 @@ def _named(arms: Sequence[ArmLanes], ways: Sequence[Way], dropped: Counter[str])
     return found
 
 
+def _rights(
+    lane_map: LaneMap, arms: Sequence[ArmLanes], ways: Mapping[str, Way], ring: frozenset[str], guessed: list[str]
+) -> dict[str, str]:
+    """By arm, its right of way; around a ring who circulates goes first, whatever signs say."""
+    entering = arms_of_ring(arms, ways, ring)
+    others = {id: way for id, way in ways.items() if id.partition("-")[0] not in entering}
+    if entering:
+        guessed.append(
+            f"roundabout: lanelets go round inside; who circulates goes before {', '.join(sorted(entering))}"
+        )
+    rest = rights_of_arms(lane_map, [arm for arm in arms if arm.name not in entering], others, guessed)
+    return rest | dict.fromkeys(entering, "roundabout")
+
+
 def _limit(lane_map: LaneMap, arm: ArmLanes, ways: Mapping[str, Way], guessed: list[str]) -> float:
     """An arm's speed limit [m/s]: the highest of its lanes."""
     ids = {id for name, way in ways.items() if name.partition("-")[0] == arm.name for id in way.approach}
@@ -162,14 +181,17 @@ def _limit(lane_map: LaneMap, arm: ArmLanes, ways: Mapping[str, Way], guessed: l
 
 
 def _lanes(
-    lane_map: LaneMap, arms: Sequence[ArmLanes], ways: Mapping[str, Way]
+    lane_map: LaneMap, arms: Sequence[ArmLanes], ways: Mapping[str, Way], ring: frozenset[str]
 ) -> tuple[dict[str, Lane], list[RouteSource]]:
-    """Lanes and routes of the source. Lanelets that always follow each other become one lane."""
+    """Lanes and routes of the source. Lanelets that always follow each other become one lane; of those inside the
+    junction, those that go round."""
     entry = {id: arm.name for arm in arms for id in arm.approaches}
     leave = {id: arm.name for arm in arms for id in arm.exits}
     lanes: dict[str, Lane] = {}
     names: dict[tuple[str, ...], str] = {}
-    chains = {way.approach for way in ways.values()} | {way.leaving for way in ways.values()}
+    cut = {id: around(way, ring) for id, way in ways.items()}
+    chains = {part for id, way in ways.items() for part in ((cut[id] or way).approach, (cut[id] or way).leaving)}
+    chains |= {way.inside for way in cut.values() if way is not None}
     parts = {chain: _parts(chain, chains) for chain in sorted(chains)}
 
     def named(chain: tuple[str, ...], arm: str, direction: str) -> tuple[str, ...]:
@@ -182,11 +204,14 @@ def _lanes(
 
     routes = []
     for id, way in ways.items():
-        approach = named(way.approach, entry[way.approach[-1]], "in")
-        leaving = named(way.leaving, leave[way.leaving[0]], "out")
-        inside = telling(*polyline(lane_map, way.inside))[0]
-        arm = entry[way.approach[-1]], leave[way.leaving[0]]
-        routes.append(RouteSource(id, *arm, approach, leaving, inside))
+        arm, parts_of = (entry[way.approach[-1]], leave[way.leaving[0]]), cut[id] or way
+        approach, leaving = named(parts_of.approach, arm[0], "in"), named(parts_of.leaving, arm[1], "out")
+        if cut[id] is None:
+            inside = telling(*polyline(lane_map, way.inside))[0]
+            routes.append(RouteSource(id, *arm, approach, leaving, inside))
+        else:
+            interior = named(parts_of.inside, "ring", "lane")
+            routes.append(RouteSource(id, *arm, approach, leaving, None, interior))
     return lanes, routes
 
 
@@ -209,11 +234,14 @@ def _decided(source: MapSource, lane_map: LaneMap, ways: Mapping[str, Way], gues
     pairs: set[tuple[str, str]] = set()
     for one in encounters(source):
         first, second = one.first.id, one.second.id
-        said = yields_by_rule(lane_map, ways[first], ways[second])
+        circulates = all(source.arms[route.entry].right_of_way == "roundabout" for route in (one.first, one.second))
+        said = None if circulates else yields_by_rule(lane_map, ways[first], ways[second])
         if said is not None and said != one.first_yields:
             pairs.add((first, second) if said else (second, first))
         elif said is None and one.first_yields is None:
             waits = _who_waits(source, one)
+            if waits in pairs or waits[::-1] in pairs:
+                continue
             pairs.add(waits)
             guessed.append(f'"{waits[0]}" waits for "{waits[1]}": equal right of way, neither from the right')
     return replace(source, yields=frozenset(pairs))

@@ -95,14 +95,18 @@ def encounters_of(source: MapSource, a: CompiledRoute, b: CompiledRoute) -> Iter
 
 
 def _areas(a: CompiledRoute, b: CompiledRoute, shared: list[SharedLane]) -> Iterator[Area]:
-    """Where bands around two routes overlap, outside of what they share."""
+    """Where bands around two routes overlap beside what they share; of those from one lane, before they merge."""
+    parted = any(max(one.begin_a, one.begin_b) == -NEVER for one in shared)
     for section_a in _sections(a.line.length, [(one.begin_a, one.end) for one in shared]):
         for section_b in _sections(b.line.length, [(one.begin_b, one.end + one.offset) for one in shared]):
             one, other = _swept(a, section_a), _swept(b, section_b)
             if one is None or other is None or not shapely.intersects(one, other):
                 continue
             merging = any((section_a[1], section_b[1]) == (lane.begin_a, lane.begin_b) for lane in shared)
-            yield from _parts(a, b, one.intersection(other), (section_a[1], section_b[1]) if merging else None)
+            if merging:
+                yield from _parts(a, b, one.intersection(other), (section_a[1], section_b[1]))
+            elif not parted:
+                yield from _parts(a, b, one.intersection(other), None)
 
 
 def _sections(length: float, shared: list[Interval]) -> Iterator[Interval]:
