@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 RESULTS = (
     "gap_development", "gap_validation", "order_development", "order_validation", "horizon_development",
     "horizon_validation", "replay_development", "replay_validation", "forecast_development", "forecast_validation",
-    "maneuvers_validation", "closed_loop", "places", "runtime", "default", "reproduced",
+    "perception_validation", "maneuvers_validation", "closed_loop", "places", "runtime", "default", "reproduced",
 )  # fmt: skip
 OPTIONAL = ("ablations", "driven_gain_validation")
 DIGITS = 6  # of floats

@@ -12,8 +12,9 @@ from intersection_env.envs.replay import Replay
 from intersection_env.envs.replay_vector import ReplayVector
 from intersection_env.envs.variants import VARIANTS, Variant, register
 from intersection_env.maps.intersection import Intersection
-from intersection_env.prediction.forecast import Forecast, Noise, forecast
+from intersection_env.prediction.forecast import Forecast, forecast
 from intersection_env.prediction.maneuvers import crossing_orders, rank_maneuvers
+from intersection_env.prediction.noise import Noise
 from intersection_env.prediction.predictor import Observation, Prediction, Predictor, Summary
 from intersection_env.scenes.scene import Scene
 from intersection_env.scenes.scenes import Scenes

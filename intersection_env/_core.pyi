@@ -161,7 +161,7 @@ class Map:
 class Traffic:
     """The vehicles at one moment, checked."""
 
-    def __init__(self, map: Map, route: Annotated[NDArray[numpy.int32], dict(shape=(None,), order='C', device='cpu', writable=False)], position: Annotated[NDArray[numpy.float32], dict(shape=(None,), order='C', device='cpu', writable=False)], speed: Annotated[NDArray[numpy.float32], dict(shape=(None,), order='C', device='cpu', writable=False)], length: Annotated[NDArray[numpy.float32], dict(shape=(None,), order='C', device='cpu', writable=False)], width: Annotated[NDArray[numpy.float32], dict(shape=(None,), order='C', device='cpu', writable=False)], max_speed: Annotated[NDArray[numpy.float32], dict(shape=(None,), order='C', device='cpu', writable=False)], delta: Annotated[NDArray[numpy.bool_], dict(shape=(None,), order='C', device='cpu', writable=False)] | None = None, hold: Annotated[NDArray[numpy.int16], dict(shape=(None,), order='C', device='cpu', writable=False)] | None = None, waited: Annotated[NDArray[numpy.int32], dict(shape=(None,), order='C', device='cpu', writable=False)] | None = None) -> None: ...
+    def __init__(self, map: Map, route: Annotated[NDArray[numpy.int32], dict(shape=(None,), order='C', device='cpu', writable=False)], position: Annotated[NDArray[numpy.float32], dict(shape=(None,), order='C', device='cpu', writable=False)], speed: Annotated[NDArray[numpy.float32], dict(shape=(None,), order='C', device='cpu', writable=False)], length: Annotated[NDArray[numpy.float32], dict(shape=(None,), order='C', device='cpu', writable=False)], width: Annotated[NDArray[numpy.float32], dict(shape=(None,), order='C', device='cpu', writable=False)], max_speed: Annotated[NDArray[numpy.float32], dict(shape=(None,), order='C', device='cpu', writable=False)], delta: Annotated[NDArray[numpy.bool_], dict(shape=(None,), order='C', device='cpu', writable=False)] | None = None, hold: Annotated[NDArray[numpy.int16], dict(shape=(None,), order='C', device='cpu', writable=False)] | None = None, waited: Annotated[NDArray[numpy.int32], dict(shape=(None,), order='C', device='cpu', writable=False)] | None = None, patience: Annotated[NDArray[numpy.float32], dict(shape=(None,), order='C', device='cpu', writable=False)] | None = None) -> None: ...
 
 def conflicts(map: Map, traffic: Traffic) -> NDArray[numpy.int32]:
     """(pair, 2): yielder and prioritized vehicle of every open pair."""
@@ -235,7 +235,12 @@ class Policy:
         """(row,): the driving network's output before its last tanh."""
 
 class Predictor:
-    def __init__(self, map: Map, policy: Policy, threads: int = 1) -> None: ...
+    def __init__(self, map: Map, policy: Policy, threads: int = 1, patience: str | None = None) -> None:
+        """patience: "none" or "kept"; None: the default of its gap decision."""
+
+    @property
+    def patience_kept(self) -> bool:
+        """Whether drivers keep the quantile by which they accept gaps."""
 
     def observe(self, traffic: Traffic) -> tuple[NDArray[numpy.float32], NDArray[numpy.float32], NDArray[numpy.uint8]]:
         """
@@ -245,9 +250,17 @@ class Predictor:
     def observe_orders(self, traffic: Traffic) -> NDArray[numpy.float32]:
         """(pair, 21): what an order network sees."""
 
-    def predict(self, traffic: Traffic, assignments: Annotated[NDArray[numpy.int8], dict(shape=(None, None), order='C', device='cpu', writable=False)], trajectories: bool, safety: bool, decisions: Annotated[NDArray[numpy.uint8], dict(shape=(None, None, None), order='C', writable=False)] | None = None, isa: str | None = None) -> tuple[NDArray[numpy.float32], NDArray[numpy.float32], NDArray[numpy.float32], NDArray[numpy.uint8], NDArray[numpy.uint8], NDArray[numpy.float32], NDArray[numpy.float32], NDArray[numpy.int16], NDArray[numpy.int8], NDArray[numpy.int32] | None]:
+    def predict(self, traffic: Traffic, assignments: Annotated[NDArray[numpy.int8], dict(shape=(None, None), order='C', device='cpu', writable=False)], trajectories: bool, safety: bool, decisions: Annotated[NDArray[numpy.uint8], dict(shape=(None, None, None), order='C', writable=False)] | None = None, isa: str | None = None) -> tuple[NDArray[numpy.float32], NDArray[numpy.float32], NDArray[numpy.float32], NDArray[numpy.uint8], NDArray[numpy.uint8], NDArray[numpy.float32], NDArray[numpy.float32], NDArray[numpy.int16], NDArray[numpy.int8], NDArray[numpy.int32] | None, NDArray[numpy.float32]]:
         """
-        position, speed, acceleration, enters, present, time_loss, minimum_distance, hold, completed, waited assignments.
+        position, speed, acceleration, enters, present, time_loss, minimum_distance, hold, completed assignments, waited, patience.
+        """
+
+    def keeps_patience(self, traffic: Traffic) -> bool:
+        """Whether drivers keep anything in a prediction of this traffic."""
+
+    def patience(self, traffic: Traffic, levels: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)]) -> NDArray[numpy.float32]:
+        """
+        (vehicle,): the patience of the driver at each vehicle's level (vehicle,).
         """
 
 def rank_maneuvers(predictor: Predictor, traffic: Traffic, cooperative: Annotated[NDArray[numpy.uint8], dict(shape=(None,), order='C', device='cpu', writable=False)], limit: int | None, seconds: float, by_expectation: bool | None) -> tuple[dict[str, Any], int]:

@@ -50,6 +50,8 @@ class Traffic:
             then they follow from positions and speeds. `Prediction.traffic_at` gives them.
         waited: (vehicle,) int32, beside them where the map has stops: for how many steps it has stopped at its line or
             gone on from there; 0: not yet. Without, nobody has.
+        patience: (vehicle,) float32, the logit that a gap network's must exceed before each driver accepts a gap: 0 for
+            the median driver. None: what the predictor has them keep. `Predictor.patience_of` gives it.
 
     Bodies may overlap, as perception gives them at times (a bicycle beside a car, 10 cm into a lead): `overlaps` names
     the pairs. Who overlaps somebody is predicted like everybody else, and drives behind whoever's centre is ahead; the
@@ -72,6 +74,7 @@ class Traffic:
     delta: NDArray[np.bool_] | None = None
     hold: NDArray[np.int16] | None = None
     waited: NDArray[np.int32] | None = None
+    patience: NDArray[np.float32] | None = None
     core: _core.Traffic = field(init=False, repr=False, compare=False)
     conflicts: NDArray[np.int32] = field(init=False, repr=False, compare=False)
     """(pair, 2): indices of every pair still open, the one that yields by rule first."""
@@ -90,7 +93,7 @@ class Traffic:
             object.__setattr__(self, name, own)
         core_map = self.intersection.core
         with naming(self.ids):
-            core = _core.Traffic(core_map, *(getattr(self, name) for name in self._array_names()))
+            core = _core.Traffic(core_map, **{name: getattr(self, name) for name in self._array_names()})
         overlaps = tuple((self.ids[a], self.ids[b]) for a, b in _core.overlaps(core_map, core))
         object.__setattr__(self, "core", core)
         object.__setattr__(self, "conflicts", _core.conflicts(core_map, core))
@@ -104,14 +107,15 @@ class Traffic:
             )
 
     def _array_names(self) -> tuple[str, ...]:
-        return ("route", *FLOAT_FIELDS, *(name for name in MEMORY_DTYPES if getattr(self, name) is not None))
+        optional = (name for name in (*MEMORY_DTYPES, "patience") if getattr(self, name) is not None)
+        return ("route", *FLOAT_FIELDS, *optional)
 
     def _check_arrays(self) -> None:
         if (self.delta is None) != (self.hold is None):
             raise ValueError("memories need both delta and hold, or neither")
         if self.waited is not None and self.hold is None:
             raise ValueError("waited needs the other memories, delta and hold")
-        dtypes = {"route": np.int32, **dict.fromkeys(FLOAT_FIELDS, np.float32), **MEMORY_DTYPES}
+        dtypes = {"route": np.int32, **dict.fromkeys((*FLOAT_FIELDS, "patience"), np.float32), **MEMORY_DTYPES}
         for name in self._array_names():
             array, wanted = getattr(self, name), dtypes[name]
             if not isinstance(array, np.ndarray) or array.dtype != wanted:
@@ -180,7 +184,7 @@ class Traffic:
         return len(self.ids)
 
     def __reduce__(self) -> tuple[type[Traffic], tuple[object, ...]]:
-        arrays = (getattr(self, name) for name in ("route", *FLOAT_FIELDS, *MEMORY_DTYPES))
+        arrays = (getattr(self, name) for name in ("route", *FLOAT_FIELDS, *MEMORY_DTYPES, "patience"))
         return Traffic, (self.intersection, self.ids, *arrays)
 
 

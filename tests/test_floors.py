@@ -70,6 +70,7 @@ COMMANDS = (
     "crossing_order",
     "forecast",
     "horizon",
+    "perception",
     "maneuver_gain",
     "driven_gain",
     "forecast",

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from intersection_env.evaluation.moments import EVERY, SCORED, Moment, contested
+from intersection_env.evaluation.moments import EVERY, contested
 from intersection_env.evaluation.places import moments_in
-from intersection_env.evaluation.recorded_order import recorded_order
+from intersection_env.evaluation.recorded_order import scored_order
 from intersection_env.prediction.maneuvers import crossing_orders
 from intersection_env.prediction.predictor import Predictor
 from intersection_env.scenes.scenes import Scenes
@@ -54,7 +54,7 @@ def order_samples(
     samples = []
     for moment in contested(moments_in(scenes, split, every)[0]):
         traffic = moment.traffic
-        known = known_order(moment)
+        known, _ = scored_order(moment)
         orders = next(crossing_orders(traffic, batch=MOST_ORDERS + 1), np.zeros((0, len(known)), np.int8))
         features = observer.bound_to(traffic.intersection).observe_orders(traffic.core)
         sample = OrderSample(features, orders, known)
@@ -69,10 +69,3 @@ def order_samples(
     if not samples:
         raise ValueError(f'no moment of split "{split}" with an open pair of which it is known who went first')
     return samples, left_out
-
-
-def known_order(moment: Moment) -> NDArray[np.int8]:
-    """(pair,) as `recorded_order`, but 0 for pairs with a bicycle: they take part, but are not scored."""
-    users = np.array([track.road_user in SCORED for track in moment.tracks()], np.bool_)
-    order, _ = recorded_order(moment)
-    return np.where(users[moment.traffic.conflicts].all(axis=1), order, np.int8(0))

@@ -13,11 +13,12 @@ from pathlib import Path
 from typing import Any
 
 from experiments.bench.environments import environment_rates
+from experiments.bench.forecast import forecast_times
 from experiments.bench.predictor import predictor_times
 from experiments.bench.training import training_rates
 from intersection_env.files import check_writable, written_whole
 
-PARTS = ("predictor", "environments", "training")
+PARTS = ("predictor", "forecast", "environments", "training")
 OUT = Path(__file__).parents[1] / "results" / "bench.json"
 
 
@@ -39,6 +40,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if options.part in ("all", "predictor"):
             others = {part: results[part] for part in PARTS[1:] if part in results}
             results = predictor_times(options.quick) | others
+        if options.part in ("all", "forecast"):
+            results["forecast"] = forecast_times(options.quick)
         if options.part in ("all", "environments"):
             results["environments"] = environment_rates()
         if options.part in ("all", "training"):

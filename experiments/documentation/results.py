@@ -23,6 +23,7 @@ from experiments.show.environment_speed import environments_section, training_se
 from experiments.show.forecast import forecast_text
 from experiments.show.gap import accuracy_table
 from experiments.show.horizon import errors_table, until_last_seen_table
+from experiments.show.perception import perception_text
 from experiments.show.predictor_speed import speed_section
 from experiments.show.tables import markdown_table
 from intersection_env.command import run_command
@@ -86,6 +87,7 @@ def page() -> str:
         "until_last_seen": until_last_seen_table(errors),
         "gap": accuracy_table(results["gap_validation"]),
         "forecasts": forecast_text(results["forecast_validation"]),
+        "perception": perception_text(results["perception_validation"]),
         "speed": speed_section(bench),
         "environments": environments_section(bench["environments"]),
     }

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from agents.training.options import Maps
 from experiments.measure.recorded import places_of
+from experiments.models.patient import patient
 from experiments.results_files import check_outputs, write_result
 from experiments.show.crossing_order import (
     BASELINES,
@@ -33,9 +34,9 @@ from experiments.show.crossing_order import (
 from intersection_env.constants import DT
 from intersection_env.evaluation.errors import Forecaster
 from intersection_env.evaluation.intervals import interval
-from intersection_env.evaluation.moments import HORIZONS, SCORED, Moment
+from intersection_env.evaluation.moments import HORIZONS, Moment
 from intersection_env.evaluation.places import moments_in
-from intersection_env.evaluation.recorded_order import recorded_order
+from intersection_env.evaluation.recorded_order import scored_order
 from intersection_env.prediction.measures import crossing_order
 from intersection_env.prediction.predictor import Predictor
 from intersection_env.scenes.places import PAPERS_SCENES
@@ -89,10 +90,9 @@ def scored_pairs(predictors: Sequence[Forecaster], moments: Sequence[Moment]) ->
 
 def _pairs_of(predictors: Sequence[Forecaster], moment: Moment) -> Pairs | None:
     traffic, tracks = moment.traffic, moment.tracks()
-    users = np.array([track.road_user in SCORED for track in tracks], np.bool_)
     observed = np.array([track.observed[moment.step - track.start] for track in tracks], np.bool_)
-    order, steps = recorded_order(moment)
-    scored = (order != 0) & users[traffic.conflicts].all(axis=1)
+    order, steps = scored_order(moment)
+    scored = order != 0
     if not scored.any():
         return None
     predicted = {one.name: crossing_order(traffic, one.predict(traffic))[0, scored] for one in predictors}
@@ -173,6 +173,8 @@ class Options:
     """What to measure on; validation is for the report only."""
     policies: tuple[str, ...] = ("rollout_gradient", "gail", "ppo", "gap", "idm_calibrated", "constant_velocity")
     """Names of shipped policies or rules, or policy files."""
+    patient: tuple[str, ...] = ("rollout_gradient",)
+    """Likewise, those that predict once more, with patience kept."""
     out: Path = Path("experiments/results")
     """The folder of the results file."""
 
@@ -183,7 +185,8 @@ def main(options: Options) -> int:
     try:
         check_outputs(out)
         moments, refused = moments_in(places_of(options.scenes, options.map, options.split), options.split)
-        results = order_results([Predictor.load(policy) for policy in options.policies], moments)
+        models = [Predictor.load(policy) for policy in options.policies]
+        results = order_results([*models, *(patient(Predictor.load(one)) for one in options.patient)], moments)
         content = {"split": options.split, "refused": len(refused), **results}
         print(order_table(results))
         write_result(out, content)

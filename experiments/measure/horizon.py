@@ -23,6 +23,7 @@ from agents.training.options import Maps
 from experiments.measure.forecasters import MeanOverOrders, MostProbableOrder
 from experiments.measure.order_handed_in import OrderHandedIn
 from experiments.measure.recorded import places_of
+from experiments.models.patient import patient
 from experiments.results_files import check_outputs, write_result
 from experiments.show.horizon import QUANTITIES, errors_text, order_handed_in_text, plot_errors
 from intersection_env.constants import DT, STEPS
@@ -74,6 +75,8 @@ class Options:
     """Likewise, those that predict once more, with the recorded crossing order handed in."""
     forecasting: tuple[str, ...] = ("rollout_gradient",)
     """Likewise, those whose most probable order, and whose mean over the orders, is scored too."""
+    patient: tuple[str, ...] = ("rollout_gradient",)
+    """Likewise, those that predict once more, with patience kept."""
     split: Literal["development", "validation"] = "development"
     """What to measure on; validation is for the report only."""
     out: Path = Path("experiments/results")
@@ -239,7 +242,8 @@ def main(options: Options) -> int:
         forecasts = [
             form(Predictor.load(one)) for one in options.forecasting for form in (MostProbableOrder, MeanOverOrders)
         ]
-        results = measured([*models, *forecasts], moments, informed)
+        patients = [patient(Predictor.load(one)) for one in options.patient]
+        results = measured([*models, *patients, *forecasts], moments, informed)
         print(errors_text(results))
         print(order_handed_in_text(results))
         if options.figure:

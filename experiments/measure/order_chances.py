@@ -10,10 +10,11 @@ from numpy.typing import NDArray
 from sklearn.ensemble import HistGradientBoostingClassifier
 from sklearn.linear_model import LogisticRegression
 
-from agents.orders.samples import OrderSample, known_order
-from experiments.show.forecast import BOOSTING, BOOSTING_PAIR, JOINT, PAIR, SUMO_CALIBRATED
+from agents.orders.samples import OrderSample
+from experiments.models.patient import drawn_yielder_first
+from experiments.show.forecast import BOOSTING, BOOSTING_PAIR, DRAWN, JOINT, PAIR, SUMO_CALIBRATED
 from intersection_env.evaluation.moments import Moment, contested
-from intersection_env.evaluation.recorded_order import recorded_order
+from intersection_env.evaluation.recorded_order import scored_order
 from intersection_env.prediction.forecast import forecast
 from intersection_env.prediction.maneuvers import LIMIT, crossing_orders
 from intersection_env.prediction.measures import crossing_order
@@ -31,7 +32,8 @@ class OrderChances:
     reached the conflict at the start. recorded: (pair,) bool, both are recorded there. sumo: (pair,) int8, the order by
     SUMO's rule, 0 where unresolved. joint, pair: (pair,) the probability of the yielder going first by the order
     network, over all feasible orders and by itself. boosting, boosting_pair: likewise by gradient boosting.
-    sumo_calibrated: (pair,) by a logistic calibration of SUMO's rule.
+    sumo_calibrated: (pair,) by a logistic calibration of SUMO's rule. drawn: (pair,) by predictions without orders, the
+    drivers' patience drawn.
     """
 
     recording: NDArray[np.str_]
@@ -45,11 +47,12 @@ class OrderChances:
     boosting: Chances
     boosting_pair: Chances
     sumo_calibrated: Chances
+    drawn: Chances
 
     def of(self, model: str) -> Chances:
         """(pair,) a model's probability that the yielder goes first."""
         by_name = {JOINT: self.joint, PAIR: self.pair, BOOSTING: self.boosting, BOOSTING_PAIR: self.boosting_pair}
-        return (by_name | {SUMO_CALIBRATED: self.sumo_calibrated})[model]
+        return (by_name | {SUMO_CALIBRATED: self.sumo_calibrated, DRAWN: self.drawn})[model]
 
 
 @dataclass(frozen=True)
@@ -68,7 +71,7 @@ class Learned:
         boosting = HistGradientBoostingClassifier(random_state=0).fit(features, first)
         rule, truth = [], []
         for moment in contested(moments):
-            order = known_order(moment)
+            order, _ = scored_order(moment)
             rule.append(crossing_order(moment.traffic, sumo.predict(moment.traffic))[0][order != 0])
             truth.append(order[order != 0] > 0)
         calibrated = LogisticRegression().fit(_as_feature(np.concatenate(rule)), np.concatenate(truth))
@@ -95,11 +98,10 @@ def order_chances(predictor: Predictor, learned: Learned, moments: Sequence[Mome
 
 def _of_moment(predictor: Predictor, learned: Learned, moment: Moment, sumo: Predictor) -> OrderChances | None:
     traffic = moment.traffic
-    known = known_order(moment)
+    known, steps = scored_order(moment)
     chosen = known != 0
     if not chosen.any():
         return None
-    _, steps = recorded_order(moment)
     observed = np.array([track.observed[moment.step - track.start] for track in moment.tracks()], np.bool_)
     features = predictor.bound_to(traffic.intersection).observe_orders(traffic.core)
     logit = predictor.core_policy.evaluate_order(features).astype(np.float64)
@@ -117,6 +119,7 @@ def _of_moment(predictor: Predictor, learned: Learned, moment: Moment, sumo: Pre
         boosting=_joint(moment, boosted)[chosen],
         boosting_pair=boosted[chosen],
         sumo_calibrated=learned.sumo.predict_proba(_as_feature(rule))[:, 1],
+        drawn=drawn_yielder_first(predictor, traffic)[chosen],
     )
 
 

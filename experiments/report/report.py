@@ -34,6 +34,7 @@ from experiments.show.driven_gain import driven_text
 from experiments.show.gap import accuracy_table
 from experiments.show.horizon import plot_errors
 from experiments.show.maneuver_gain import gain_table, plot_gain
+from experiments.show.perception import perception_text, plot_perception
 from experiments.show.places import place_table
 from experiments.show.runtime import plot_runtimes, runtimes_text
 from experiments.show.validation_run import plot_accelerations
@@ -80,6 +81,7 @@ def _figures(results: Json) -> dict[str, Figure]:
         "runtime": plot_runtimes(results["runtime"]),
         "maneuvers": plot_gain(results["maneuvers_validation"]),
         "reliability": forecast.plot_reliability(results["forecast_validation"]),
+        "perception": plot_perception(results["perception_validation"]),
         "accelerations": plot_accelerations(
             run, {name: NAMES[name] for name in DRIVERS if name in run["acceleration"]}
         ),
@@ -194,6 +196,12 @@ def _forecasts(results: Json) -> Iterator[str]:
     yield "![How often the yielder went first, over its probability](figures/reliability.svg)"
     yield "Where vehicles will be, over the orders and what drivers do within one:"
     yield forecast.positions_table(found["positions"])
+    yield (
+        "## Perception that errs\n\nPositions and speeds with normal errors, validation. Order and positions are held"
+        " against the recording; the best maneuver of what was seen, against the best one of the traffic as it is."
+    )
+    yield perception_text(results["perception_validation"])
+    yield "![What errors of perception do, over their size](figures/perception.svg)"
 
 
 def _alone(results: Json) -> Iterator[str]:

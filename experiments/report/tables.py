@@ -19,6 +19,7 @@ NAMES = {
     "idm_critical_gap": "IDM, critical gaps",
     "sumo": "SUMO",
     "gap": "IDM (paper)",
+    "rollout_gradient_patience_kept": "rollout gradient, patience kept",
     "rollout_gradient_most_probable": "rollout gradient, most probable order",
     "rollout_gradient_mean_over_orders": "rollout gradient, mean over orders",
 }

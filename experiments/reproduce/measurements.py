@@ -20,9 +20,12 @@ from experiments.measure.forecast import forecast_results
 from experiments.measure.forecasters import MeanOverOrders, MostProbableOrder
 from experiments.measure.horizon import measured
 from experiments.measure.maneuver_gain import maneuver_results
+from experiments.measure.perception import MOMENTS as PERCEIVED
+from experiments.measure.perception import perception_results
 from experiments.measure.runtime import Options as RuntimeOptions
 from experiments.measure.runtime import runtime_results
 from experiments.measure.validation_run import closed_loop_results
+from experiments.models.patient import patient
 from experiments.models.sumo_predictor import predictions as sumo_predictions
 from experiments.reproduce.stages import run_module
 from experiments.reproduce.workspace import Workspace
@@ -42,6 +45,7 @@ UNTRAINED_SEED = 0
 COMPARED = ("gail", "ppo", "rollout_gradient", "idm", "idm_calibrated", "constant_velocity")  # in crossing orders
 DRIVERS = ("ppo", "gail", "rollout_gradient")  # with networks
 INFORMED = ("rollout_gradient", "gail", "idm_calibrated")  # predict with the recorded order handed in too
+PATIENT = "rollout_gradient"  # predicts with patience kept too
 FORECASTING = "rollout_gradient"  # of those that can: the one that predicts best
 TIMES = {"at_4s": round(4.0 / DT), "at_10s": STEPS}  # of driving alone
 
@@ -59,6 +63,7 @@ class Measurements:
             of_split = {"horizon": self._horizon, "order": self._order, "gap": self._gap_accuracy}
             for name, work in (of_split | {"replay": self._replay, "forecast": self._forecast}).items():
                 self._stage(f"{name}_{split}", f"{name}_{split}", partial(work, split))
+        self._stage("perception", "perception_validation", self._perception)
         self._stage("maneuvers", "maneuvers_validation", self._maneuvers)
         self._stage("driven_gain", "driven_gain_validation", self._driven_gain)
         self._stage("closed_loop", "closed_loop", self._closed_loop)
@@ -82,6 +87,7 @@ class Measurements:
             everybody += [self._named(f"{name}_{seed}") for name in ("gail", "ppo", "rollout_gradient")]
         moments, _ = moments_of(scenes)
         sumo, missing = self._sumo(moments)
+        everybody.append(patient(self._named(PATIENT)))
         everybody += [form(self._forecasting(FORECASTING)) for form in (MostProbableOrder, MeanOverOrders)]
         results = measured([*everybody, *sumo], moments, [self._named(name) for name in INFORMED])
         self._write(f"horizon_{split}", {"split": split, "missing": missing, **results})
@@ -112,7 +118,7 @@ class Measurements:
     def _order(self, split: str) -> None:
         moments, _ = moments_of(self.workspace.scenes.select(split))
         models = self._models()
-        results = order_results([models[name] for name in COMPARED], moments)
+        results = order_results([*(models[name] for name in COMPARED), patient(models[PATIENT])], moments)
         self._write(f"order_{split}", {"split": split, **results})
 
     def _gap_accuracy(self, split: str) -> None:
@@ -156,6 +162,12 @@ class Measurements:
         """At all places: others' models learn there too."""
         results = forecast_results(self._forecasting(FORECASTING), self.workspace.all_scenes(), split)
         self._write(f"forecast_{split}", {"split": split, **results})
+
+    def _perception(self) -> None:
+        moments, _ = moments_of(self.workspace.scenes.select("validation"))
+        chosen = thinned(contested(moments), PERCEIVED)
+        results = perception_results(self._forecasting(self._default), chosen, SEED)
+        self._write("perception_validation", {"split": "validation", **results})
 
     def _maneuvers(self) -> None:
         moments, _ = moments_of(self.workspace.scenes.select("validation"))

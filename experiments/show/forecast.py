@@ -14,7 +14,8 @@ if TYPE_CHECKING:
 JOINT, PAIR = "order network", "order network, pair by itself"
 BOOSTING, BOOSTING_PAIR = "gradient boosting", "gradient boosting, pair by itself"
 SUMO_RULE, SUMO_CALIBRATED = "SUMO's rule", "SUMO's rule, calibrated"
-CHANCES = (JOINT, PAIR, BOOSTING, BOOSTING_PAIR, SUMO_CALIBRATED)
+DRAWN = "gap network, drivers drawn"
+CHANCES = (JOINT, PAIR, BOOSTING, BOOSTING_PAIR, SUMO_CALIBRATED, DRAWN)
 """Models that give probabilities."""
 
 Json = Mapping[str, Any]

@@ -32,6 +32,7 @@ def speed_section(bench: Mapping[str, Any]) -> str:
         f"One scenario, called from Python ({isa}): p50 {latency['p50']:.0f}, p99 {latency['p99']:.0f},"
         f" p99.9 {latency['p99.9']:.0f} µs over {latency['calls']:,} calls.",
         f"`rank_maneuvers`, smallest distances and table included: {ranked}.",
+        *forecast_sentences(bench.get("forecast")),
         flips_sentence(bench["flips"]),
     ]
     asked = [row["asked"] for row in bench["peers_us"].values() if "asked" in row]
@@ -47,6 +48,25 @@ def speed_section(bench: Mapping[str, Any]) -> str:
             f" its peers {100.0 * min(theirs):.0f} to {100.0 * max(theirs):.0f} %."
         )
     return "\n\n".join((speed_table(bench), peers_table(bench), "\n".join(notes)))
+
+
+def forecast_sentences(found: Mapping[str, Any] | None) -> list[str]:
+    """What a forecast takes beside the ranking of all orders; nothing where it was not timed."""
+    if found is None:
+        return []
+    said = []
+    for name, call in (("python", "`forecast`"), ("cpp", "`Planner::forecast`")):
+        row = found[name]
+        said.append(
+            f"{call}: {row['missing']}"
+            if "missing" in row
+            else f"{call} {row['forecast_ms']['median']:.2f} ms, {row['to_ranking']:.3f} of what ranking them all takes"
+            f" in turns, p99 {row['p99_to_median']:.2f} times the median"
+        )
+    return [
+        f"The probabilities of {found['orders']:,} orders, and the trajectories of the {found['predicted']} most"
+        f" probable: {'; '.join(said)}."
+    ]
 
 
 def speed_table(bench: Mapping[str, Any]) -> str:

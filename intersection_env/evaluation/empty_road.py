@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,7 +47,7 @@ def empty_road(
 
     That is the reference's from the same start; or, where that is less, the one at which the reference passes the place
     in free drive, as whoever is faster may have come to a bend or a lower limit. A start from which the reference
-    leaves the map within 10 s, or then stands, is left out.
+    leaves the map within 10 s, or then stands, is left out. Stops count as made.
 
     Args:
         predictor: who drives.
@@ -92,11 +92,20 @@ def _starts(intersection: Intersection, route: Route) -> Iterator[tuple[float, f
             yield from ((place, share * allowed) for share in SPEEDS)
 
 
+def _alone(intersection: Intersection, route: Route, position: float, speed: float) -> Traffic:
+    """One car; it has made its stop already, where one is to be made, as a stop is no standing on an empty road."""
+    traffic = Traffic.of(intersection, [Vehicle("alone", route.id, position, speed)])
+    if not route.must_stop:
+        return traffic
+    goes, holds, since = np.zeros(1, np.bool_), np.full(1, -1, np.int16), np.ones(1, np.int32)
+    return replace(traffic, delta=goes, hold=holds, waited=since)
+
+
 def _after_10_s(
     predictor: Predictor, intersection: Intersection, route: Route, position: float, speed: float
 ) -> tuple[float, float, bool]:
     """Position, speed and whether the car is still on the map; it is where it left if not."""
-    found = predictor.predict(Traffic.of(intersection, [Vehicle("alone", route.id, position, speed)]))
+    found = predictor.predict(_alone(intersection, route, position, speed))
     return float(found.position[0, -1, 0]), float(found.speed[0, -1, 0]), bool(found.present[0, -1, 0])
 
 
@@ -104,11 +113,11 @@ def free_drive(predictor: Predictor, intersection: Intersection, route: Route) -
     """Positions [m] and speeds [m/s] of a car that drives alone over a whole route, as fast as is allowed at first."""
     positions, speeds = [np.zeros(1, np.float32)], [route.samples[:1, Sample.V_MAX]]
     while True:
-        begin = Vehicle("alone", route.id, float(positions[-1][-1]), float(speeds[-1][-1]))
-        found = predictor.predict(Traffic.of(intersection, [begin]))
+        begin = _alone(intersection, route, float(positions[-1][-1]), float(speeds[-1][-1]))
+        found = predictor.predict(begin)
         inside = np.flatnonzero(found.present[0, 1:, 0]) + 1
         positions.append(found.position[0, inside, 0])
         speeds.append(found.speed[0, inside, 0])
-        stands = len(inside) and positions[-1][-1] <= begin.position
+        stands = len(inside) and positions[-1][-1] <= begin.position[0]
         if len(inside) < STEPS or stands:
             return np.concatenate(positions), np.concatenate(speeds)

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from intersection_env import _core
 from intersection_env.constants import STEPS
-from intersection_env.evaluation.moments import Moment
+from intersection_env.evaluation.moments import SCORED, Moment
 
 
 def recorded_order(moment: Moment) -> tuple[NDArray[np.int8], NDArray[np.int64]]:
@@ -31,6 +31,13 @@ def recorded_order(moment: Moment) -> tuple[NDArray[np.int8], NDArray[np.int64]]
     until = stayed[np.minimum(time[:, None], time)]  # in scenario k, nobody moves after step k
     reached = _core.crossing_order(core_map, traffic.core, until) != 0
     return np.where(one == other, one, np.int8(0)), reached.argmax(axis=0)
+
+
+def scored_order(moment: Moment) -> tuple[NDArray[np.int8], NDArray[np.int64]]:
+    """As `recorded_order`, but 0 for pairs with a bicycle: they take part, but are not scored."""
+    users = np.array([track.road_user in SCORED for track in moment.tracks()], np.bool_)
+    order, steps = recorded_order(moment)
+    return np.where(users[moment.traffic.conflicts].all(axis=1), order, np.int8(0)), steps
 
 
 def _positions(moment: Moment) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:

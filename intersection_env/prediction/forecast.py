@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -12,33 +13,13 @@ from numpy.typing import ArrayLike, NDArray
 from intersection_env import _core
 from intersection_env.arguments import whole_number
 from intersection_env.prediction.maneuvers import LIMIT, in_words, seconds_budget
+from intersection_env.prediction.noise import Noise, drawn, on_pairs, still_open
 from intersection_env.prediction.predictor import Prediction, Predictor, Priorities, as_assignments
 from intersection_env.traffic import Traffic, naming
 
 MASS, MOST = 0.95, 64
 SCENARIOS = ("position", "speed", "acceleration", "enters", "present", "time_loss", "minimum_distance")
 TRIES = 100  # ours: of drawing a noisy traffic that can be
-
-
-@dataclass(frozen=True)
-class Noise:
-    """What perception errs by: deviations of normal errors of each vehicle's position [m] and speed [m/s]."""
-
-    position: float = 0.5
-    speed: float = 0.5
-    draws: int = 16
-    """Traffics that are drawn; a forecast is their average."""
-    seed: int = 0
-
-    def __post_init__(self) -> None:
-        for name in ("position", "speed"):
-            value = getattr(self, name)
-            if not isinstance(value, int | float | np.floating) or not 0.0 <= value < np.inf:
-                raise ValueError(f"{name} must be a deviation from 0 on, not {value!r}")
-        if whole_number("draws", self.draws) < 1:
-            raise ValueError(f"draws must be at least 1, not {self.draws}")
-        if whole_number("seed", self.seed) < 0:
-            raise ValueError(f"seed must not be negative, not {self.seed}")
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,7 +54,7 @@ class Forecast:
         rows = {name: getattr(every, name)[one] for name in SCENARIOS}
         memories: dict[str, Any] = {}
         if every.hold is not None and every.priorities is not None:
-            memories = {"hold": every.hold[one], "priorities": every.priorities[one]}
+            memories = {"hold": every.hold[one], "priorities": every.priorities[one], "patience": every.patience}
         return Prediction(traffic=self.traffic, time=every.time, **rows, **memories)
 
     def words(self) -> list[str]:
@@ -115,7 +96,12 @@ class Forecast:
         )
 
     def expected_time_loss(self) -> NDArray[np.float64]:
-        """(vehicle,) [s], over the orders."""
+        """(vehicle,) [s], over the orders.
+
+        These are the orders that are predicted, by default 95 % of the probability, so that the sum differs a little
+        from what `rank_maneuvers` says of no intervention, which is over all orders; with `mass=1` and `most` above the
+        number of orders it is the same.
+        """
         return self.weight @ self.prediction.time_loss.astype(np.float64)
 
 
@@ -126,7 +112,7 @@ def forecast(
     *,
     mass: float = MASS,
     most: int = MOST,
-    limit: int = LIMIT,
+    limit: int | None = LIMIT,
     seconds: float | None = None,
     noise: Noise | None = None,
 ) -> Forecast:
@@ -142,7 +128,7 @@ def forecast(
         mass: predict as many orders as have this probability together,
         most: but no more than these.
         limit: orders that share the probability at most; where there are more, they begin with the one in which each
-            pair goes as is more probable, and the least certain pairs change first.
+            pair goes as is more probable, and the least certain pairs change first. None: all, however many.
         seconds: search orders that share the probability no longer than so long, for each traffic that is drawn; what
             comes out then depends on the machine.
         noise: by what the traffic may err; without, it is taken at its word.
@@ -157,14 +143,14 @@ def forecast(
             f'the policy "{predictor.name}" holds no order network; `python -m agents.orders` adds one to a policy file'
         )
     for name, value in (("most", most), ("limit", limit)):
-        if whole_number(name, value) < 1:
+        if value is not None and whole_number(name, value) < 1:
             raise ValueError(f"{name} must be at least 1, not {value}")
     if noise is not None and not isinstance(noise, Noise):
         raise TypeError(f"noise must be a Noise, not {noise!r}")
     given = as_assignments(traffic, priorities)
     if len(given) != 1:
         raise ValueError(f"priorities of a forecast are of one scenario, not of {len(given)}")
-    budget = mass, most, limit, seconds_budget(seconds)
+    budget = mass, most, sys.maxsize if limit is None else limit, seconds_budget(seconds)
     if noise is None:
         return _forecast(predictor, traffic, given[0], budget)
     generator = np.random.default_rng(noise.seed)
@@ -214,19 +200,12 @@ def _drawn(
     budget: tuple[float, int, int, float],
 ) -> Forecast:
     """The forecast of a traffic that errs; drawn again where vehicles overlap or what is given cannot be."""
-    length = np.array([traffic.intersection.routes[route].length for route in traffic.route.tolist()])
     sure = traffic.words(given)
     refused = ""
     for _ in range(TRIES):
-        position = np.clip(traffic.position + noise.position * generator.normal(size=len(traffic)), 0.0, length)
-        speed = np.maximum(traffic.speed + noise.speed * generator.normal(size=len(traffic)), 0.0)
         try:
-            other = replace(traffic, position=position.astype(np.float32), speed=speed.astype(np.float32))
-            if set(other.overlaps) - set(traffic.overlaps):
-                raise ValueError("vehicles {} and {} overlap".format(*other.overlaps[0]))
-            open_pairs = {(other.ids[i], other.ids[j]) for i, j in other.conflicts.tolist()}
-            still = [pair for pair in sure if pair in open_pairs or pair[::-1] in open_pairs]
-            return _forecast(predictor, other, other.assign(still), budget)
+            other = drawn(traffic, noise, generator)
+            return _forecast(predictor, other, still_open(other, sure), budget)
         except ValueError as error:
             refused = str(error)
     raise ValueError(f"no traffic with such noise in {TRIES} draws; of the last one: {refused}")
@@ -234,7 +213,7 @@ def _drawn(
 
 def _average(predictor: Predictor, traffic: Traffic, draws: Sequence[Forecast]) -> Forecast:
     """All draws as one: orders are those of the traffic's own pairs, 0 where a draw has none."""
-    mapped = [_on_pairs(traffic, draw) for draw in draws]
+    mapped = [on_pairs(traffic, draw.traffic, draw.orders, draw.yielder_first) for draw in draws]
     orders, order = np.unique(np.concatenate([rows for rows, _ in mapped]), axis=0, return_inverse=True)
     each = np.concatenate([draw.probability for draw in draws]) / len(draws)
     probability = np.bincount(order.ravel(), each, minlength=len(orders)).astype(np.float64)
@@ -255,28 +234,3 @@ def _average(predictor: Predictor, traffic: Traffic, draws: Sequence[Forecast]) 
         place[order.ravel()],
         np.concatenate([draw.weight for draw in draws]) / len(draws),
     )
-
-
-def _on_pairs(traffic: Traffic, draw: Forecast) -> tuple[NDArray[np.int8], NDArray[np.float64]]:
-    """A draw's orders (order, pair) and `yielder_first` (pair,) on the traffic's own pairs.
-
-    A pair that is over in the draw, as the one is past the conflict, has gone as it has gone: the other was second.
-    """
-    place = {tuple(pair): k for k, pair in enumerate(draw.traffic.conflicts.tolist())}
-    orders = np.zeros((len(draw.orders), len(traffic.conflicts)), np.int8)
-    first = np.zeros(len(traffic.conflicts))
-    for k, pair in enumerate(traffic.conflicts.tolist()):
-        if tuple(pair) in place:
-            orders[:, k] = draw.orders[:, place[tuple(pair)]]
-            first[k] = draw.yielder_first[place[tuple(pair)]]
-        else:
-            first[k] = float(_is_past(draw.traffic, *pair))
-            orders[:, k] = 1 if first[k] else -1
-    return orders, first
-
-
-def _is_past(traffic: Traffic, yielder: int, prioritized: int) -> bool:
-    """Of a pair that is no longer open, whether the yielder is past the conflict."""
-    routes = int(traffic.route[yielder]), int(traffic.route[prioritized])
-    conflict = next(one for one in traffic.intersection.conflicts if (one.yielder, one.prioritized) == routes)
-    return bool(traffic.position[yielder] - 0.5 * traffic.length[yielder] >= conflict.on_yielder[1])

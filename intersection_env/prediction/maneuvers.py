@@ -84,9 +84,9 @@ def rank_maneuvers(
         by: None: expectation where the policy holds an order network, as those that ship do, else prediction.
 
     Returns:
-        One row an order and one for no intervention: `order` (in words), `gain` against no intervention,
-        `total_time_loss` and `worst_time_loss` (of any vehicle) [s], means by expectation; by expectation also
-        `chance_worthwhile` (that the gain exceeds 2 s, if what happens with and without were drawn apart) and
+        One row an order that imposes something, and one for no intervention: `order` (in words), `gain` against no
+        intervention, `total_time_loss` and `worst_time_loss` (of any vehicle) [s], means by expectation; by expectation
+        also `chance_worthwhile` (that the gain exceeds 2 s, if what happens with and without were drawn apart) and
         `chance_unsafe` (that the order is not followed, or bodies come nearer than 0.5 m); `worth_executing` (safe, and
         a gain above 2 s), `minimum_distance` [m], `followed` (in the order's own prediction nobody enters a conflict
         before the vehicle that the order puts first has cleared it) and `safe` (followed, and at least 0.5 m), by

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Literal, overload
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from intersection_env import _core
 from intersection_env.arguments import whole_number
@@ -18,6 +19,8 @@ from intersection_env.policies.file import PolicyFile
 from intersection_env.policies.named import DEFAULT, policy_named
 from intersection_env.traffic import Traffic, naming
 
+Patience = Literal["none", "kept"]
+DEFAULT_PATIENCE: Patience = "none"
 Priorities = Sequence[tuple[str, str]] | NDArray[np.int8]
 
 
@@ -50,6 +53,7 @@ class Prediction:
     priorities: (scenario, pair) int8, those asked for and what they imply; None likewise.
     waited: (scenario, time, vehicle) int32, since its stop, as in `Traffic`, that step included; None likewise, and
         where the map has no stops.
+    patience: (vehicle,) float32, what drivers keep, as in `Traffic`; None where they keep nothing.
     """
 
     traffic: Traffic
@@ -64,6 +68,7 @@ class Prediction:
     hold: NDArray[np.int16] | None = None
     priorities: NDArray[np.int8] | None = None
     waited: NDArray[np.int32] | None = None
+    patience: NDArray[np.float32] | None = None
 
     def traffic_at(self, time: float, scenario: int = 0) -> Traffic:
         """The vehicles still present at a time, with what they remember: predicted on, it goes on as this prediction.
@@ -99,20 +104,23 @@ class Prediction:
             None if delta is None else delta[on],
             None if hold is None else hold[on],
             None if waited is None else waited[on],
+            None if self.patience is None else self.patience[on],
         )
 
     def priorities_at(self, time: float, scenario: int = 0) -> NDArray[np.int8]:
         """The scenario's priorities for `traffic_at` that time: (pair,) over its `conflicts`.
 
         Raises:
-            ValueError: as in `traffic_at`.
+            ValueError: as in `traffic_at`; or vehicles of one lane have passed through each other, as some do that are
+                too near from the start, so that the order cannot be kept to.
         """
         later = self.traffic_at(time, scenario)
         if self.priorities is None:
             raise ValueError("these trajectories are not a Predictor's: no priorities were asked for")
         vehicles = np.flatnonzero(self.present[scenario, self._step(time, scenario)]).astype(np.int32)
         before = self.traffic.core, self.priorities[scenario]
-        return _core.carry_priorities(self.traffic.intersection.core, *before, vehicles, later.core)
+        with naming(later.ids):
+            return _core.carry_priorities(self.traffic.intersection.core, *before, vehicles, later.core)
 
     def _step(self, time: float, scenario: int) -> int:
         if not 0 <= scenario < len(self.present):
@@ -142,18 +150,32 @@ class Observation:
 class Predictor:
     """A policy that predicts traffic on any map."""
 
-    def __init__(self, policy: PolicyFile, name: str, threads: int = 1) -> None:
-        """A predictor by this policy (`load` knows those that ship, and says what `threads` do)."""
+    def __init__(self, policy: PolicyFile, name: str, threads: int = 1, *, patience: Patience | None = None) -> None:
+        """A predictor by this policy (`load` knows those that ship, and says what `threads` and `patience` do)."""
         self.name = name
         self.policy = policy
         self.threads = whole_number("threads", threads)
         if not 0 <= threads <= _core.MOST_THREADS:
             raise ValueError(f"threads must be from 0, one a core, to {_core.MOST_THREADS}, not {threads}")
+        if patience not in (None, "none", "kept"):
+            raise ValueError(f'patience must be "none", "kept" or None, not {patience!r}')
+        if patience == "kept" and policy.gap != "network":
+            raise ValueError(
+                f'patience: in "{name}" {policy.gap} decides about gaps, not a network, so drivers have no quantiles'
+            )
+        self.patience = patience or (DEFAULT_PATIENCE if policy.gap == "network" else "none")
         self.core_policy = _core.Policy(policy.text(), name)
         self._bound: dict[str, _core.Predictor] = {}
 
     @classmethod
-    def load(cls, policy: str | Path = DEFAULT, *, gap: str | None = None, threads: int = 1) -> Predictor:
+    def load(
+        cls,
+        policy: str | Path = DEFAULT,
+        *,
+        gap: str | None = None,
+        threads: int = 1,
+        patience: Patience | None = None,
+    ) -> Predictor:
         """A policy that ships, a rule (`"idm"`, `"constant_velocity"`) or a policy file (`.policy`).
 
         All that ship were trained on the simulated recordings, and a network decides about gaps, in
@@ -168,14 +190,17 @@ class Predictor:
             gap: for rules only, who accepts a gap: `"critical_gap"` (default; 6 s crossing, 4 s merging) or `"sumo"`.
             threads: how many share the scenarios of a large batch, 0: one a core. They do not change what comes out.
                 They help one caller at a time; whoever predicts meanwhile, in another thread, works alone.
+            patience: where a network decides about gaps, "none" has every driver accept what at least half of all
+                drivers would, decided anew at each step, as in the paper; with "kept" who stands at its line has
+                refused what is there, and keeps to the median of those drivers who would have. Default: "none".
 
         Raises:
             TypeError: threads that are no whole number.
             ValueError: an unknown name, a policy file that is damaged or made for something else, a `gap` for a
-                policy that brings its own, or threads below 0 or too many.
+                policy that brings its own, patience kept where no network decides, or threads below 0 or too many.
             OSError: the file cannot be read.
         """
-        return cls(*policy_named(policy, gap), threads)
+        return cls(*policy_named(policy, gap), threads, patience=patience)
 
     @overload
     def predict(
@@ -205,8 +230,10 @@ class Predictor:
         """
         assignments = as_assignments(traffic, priorities)
         with naming(traffic.ids):
-            results = self.bound_to(traffic.intersection).predict(traffic.core, assignments, trajectories, True)
-        position, speed, acceleration, enters, present, time_loss, minimum_distance, hold, completed, waited = results
+            bound = self.bound_to(traffic.intersection)
+            results = bound.predict(traffic.core, assignments, trajectories, True)
+        (*moving, time_loss, minimum_distance, hold, completed, waited, patience) = results
+        position, speed, acceleration, enters, present = moving
         if not trajectories:
             return Summary(traffic, time_loss, minimum_distance)
         time = np.arange(STEPS + 1, dtype=np.float32) * np.float32(DT)
@@ -223,6 +250,7 @@ class Predictor:
             hold,
             completed,
             waited,
+            patience if bound.keeps_patience(traffic.core) else None,
         )
 
     def observe(self, traffic: Traffic) -> Observation:
@@ -235,15 +263,31 @@ class Predictor:
         bound = self._bound.get(intersection.checksum)
         if bound is None:
             bound = self._bound[intersection.checksum] = _core.Predictor(
-                intersection.core, self.core_policy, self.threads
+                intersection.core, self.core_policy, self.threads, self.patience
             )
         return bound
+
+    def patience_of(self, traffic: Traffic, levels: ArrayLike = 0.5) -> NDArray[np.float32]:
+        """What `Traffic.patience` may hold: (vehicle,), of each vehicle's driver at a level of all it could have.
+
+        A driver has a quantile: it accepts a gap that a larger share of drivers would. Who waits at the start has
+        refused what is there, and is one of those drivers who would have.
+
+        Args:
+            traffic: the vehicles now.
+            levels: above 0 and below 1, one or (vehicle,); 0.5 is the median, uniform random ones are a draw.
+
+        Raises:
+            ValueError: no network decides about gaps; or a level out of range.
+        """
+        each = np.ascontiguousarray(np.broadcast_to(np.asarray(levels, np.float64), len(traffic)))
+        return self.bound_to(traffic.intersection).patience(traffic.core, each)
 
     def __repr__(self) -> str:
         return f"Predictor({self.name!r})"
 
-    def __reduce__(self) -> tuple[type[Predictor], tuple[PolicyFile, str, int]]:
-        return Predictor, (self.policy, self.name, self.threads)
+    def __reduce__(self) -> tuple[Callable[..., Predictor], tuple[PolicyFile, str, int]]:
+        return partial(Predictor, patience=self.patience), (self.policy, self.name, self.threads)
 
 
 def as_assignments(traffic: Traffic, priorities: Priorities | None) -> NDArray[np.int8]:

@@ -91,7 +91,7 @@ def test_observations_and_gap_decisions_equal_the_twin(name: str, gap: Literal["
         np.testing.assert_allclose(seen.driving[:, : Driving.ENTERS], truth.driving[:, : Driving.ENTERS], atol=1e-3)
         hold = np.full(len(traffic), -1)
         accepts = [
-            reference.accepts_gap(map_, twin, pair, features, hold, gap, None)
+            reference.accepts_gap(map_, twin, pair, features, hold, reference.Rules(gap))
             for pair, features in zip(pairs, truth.gap, strict=True)
         ]
         np.testing.assert_array_equal(seen.accepts, np.array(accepts, bool))

@@ -6,6 +6,7 @@ import os
 import re
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -180,19 +181,25 @@ def test_chained_cycles_of_a_planner_end_where_python_predicts(prefix: Path, tmp
     share = prefix / "share" / "intersection_env"
     files = [share / "maps" / "bendplatz.map", share / "policies" / "gap.policy"]
     kernel = {"INTERSECTION_ENV_ISA": _core.kernel_name()}
-    whole = Predictor.load("gap").predict(read_traffic(TRAFFIC))
-    for orders in ("free", "kept"):
-        command = [str(executable), *map(str, files), str(TRAFFIC), orders]
+    traffic, predictor = read_traffic(TRAFFIC), Predictor.load("gap")
+    best = rank_maneuvers(predictor, traffic)["priorities"].iloc[0]
+    assert np.count_nonzero(best) > 3
+    wholes = {
+        "free": predictor.predict(traffic),
+        "kept": predictor.predict(traffic, best),
+        "patient": Predictor.load("gap", patience="kept").predict(traffic),
+        "drawn": predictor.predict(replace(traffic, patience=predictor.patience_of(traffic, 0.8))),
+    }
+    for how, whole in wholes.items():
+        command = [str(executable), *map(str, files), str(TRAFFIC), how]
         done = subprocess.run(command, capture_output=True, text=True, check=False, env=kernel)
         assert done.returncode == 0, done.stderr
         rows = np.array([[float(x) for x in line.split()] for line in done.stdout.splitlines()], np.float32)
-        if orders == "kept":
-            best = rank_maneuvers(Predictor.load("gap"), read_traffic(TRAFFIC))["priorities"].iloc[0]
-            whole = Predictor.load("gap").predict(read_traffic(TRAFFIC), best)
-            assert np.count_nonzero(best) > 3
         later = whole.traffic_at(5.0)
         columns = [np.asarray(getattr(later, name), np.float32) for name in ("position", "speed", "delta", "hold")]
-        np.testing.assert_array_equal(rows, np.stack(columns, axis=1))
+        patience = np.zeros(len(later), np.float32) if later.patience is None else later.patience
+        assert (later.patience is None) == (how in ("free", "kept"))
+        np.testing.assert_array_equal(rows, np.stack([*columns, patience], axis=1))
 
 
 def test_installed_headers_and_files_are_those_that_are_documented(prefix: Path) -> None:

@@ -23,7 +23,7 @@ from agents.networks.driving import DrivingNetwork
 from agents.networks.export import driving_policy
 from agents.rollouts.validation_run import validation_run
 from experiments.documentation.results import RESULTS as SHIPPED
-from experiments.measure import runtime, timed_calls
+from experiments.measure import perception, runtime, timed_calls
 from experiments.measure import validation_run as closed_loop
 from experiments.measure.crossing_order import order_results
 from experiments.measure.forecast import figures_of
@@ -83,6 +83,9 @@ def computed(tmp_path_factory: pytest.TempPathFactory) -> Results:
         results |= {f"horizon_{split}": {"split": split, **_horizon()} for split in ("development", "validation")}
         results |= {f"replay_{split}": _replay() for split in ("development", "validation")}
         results |= {f"forecast_{split}": {"split": split, **_forecast()} for split in ("development", "validation")}
+        patch.setattr(perception, "SIZES", ((0.0, 0.0), (0.5, 0.0), (0.0, 0.5), (0.5, 0.5)))
+        some = thinned(contested(moments_of(scenes_of(3))[0]), 3)
+        results["perception_validation"] = perception.perception_results(Predictor.load("gap"), some, 0)
         results["maneuvers_validation"] = maneuver_results(
             Predictor.load("gap"), thinned(contested(moments_of(scenes_of(3))[0]), 9), 0
         )

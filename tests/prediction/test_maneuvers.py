@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Literal
 
 import numpy as np
 import pandas as pd
@@ -14,7 +15,7 @@ from intersection_env.prediction.measures import crossing_order
 from tests.conftest import MAP_NAMES
 from tests.reference import predictor as reference
 from tests.reference.outputs import followed
-from tests.support.busy_traffic import T, busy
+from tests.support.busy_traffic import BENDPLATZ, T, busy
 from tests.support.forecasts import forecasting
 from tests.support.twins import CASES, random_case, twin_map
 
@@ -58,6 +59,7 @@ def test_ranking_is_that_of_all_orders_predicted_and_sorted(name: str) -> None:
         default = predictor.predict(traffic)
         realized = crossing_order(traffic, default)[0]
         orders = np.concatenate([np.zeros_like(realized)[None], *crossing_orders(traffic, preferred=realized)])
+        orders = orders[(orders != 0).any(axis=1) | (np.arange(len(orders)) == 0)]  # the first is no intervention
         if len(orders) > 200:
             continue
         ranked += 1
@@ -109,7 +111,7 @@ def expected(
     safe = followed & (predicted.minimum_distance >= 0.5)
     imposed = np.where(cooperative[traffic.conflicts].all(axis=1), orders, 0)
     groups: dict[tuple[int, ...] | None, NDArray[np.bool_]] = {
-        tuple(row): (imposed == row).all(axis=1) for row in imposed.tolist()
+        tuple(row): (imposed == row).all(axis=1) for row in imposed.tolist() if any(row)
     }
     of_all = weight / weight.sum()
     columns = {}
@@ -175,7 +177,7 @@ def test_expected_ranking_is_over_all_orders_with_their_probabilities(name: str,
             flags = np.random.default_rng(seed).random(len(traffic)) < 0.6
         table = ranked_as_expected(predictor, traffic, twin, flags)
         unsure += int(((table.chance_worthwhile > 0.1) & (table.chance_worthwhile < 0.9)).sum())
-        assert who != "nobody" or len(table) == 2
+        assert who != "nobody" or len(table) == 1
     assert ranked > 12 * CASES
     assert who == "nobody" or unsure > 2 * CASES
 
@@ -284,8 +286,7 @@ def test_ranking_puts_the_best_safe_order_first_and_counts_what_it_left_out() ->
 
 def test_without_cooperative_vehicles_there_is_nothing_to_order() -> None:
     table = rank_maneuvers(Predictor.load("idm"), busy(), cooperative=[])
-    assert len(table) == 2
-    assert len(set(table.total_time_loss)) == 1
+    assert table["order"].tolist() == ["no intervention"]
     few = rank_maneuvers(Predictor.load("idm"), busy(), cooperative=["a", "c", "g"])
     named = {pair for row in few.priorities for pair in busy().words(row)}
     assert 2 < len(few) < 12
@@ -314,3 +315,19 @@ def test_ranking_refuses_what_it_cannot_rank_by() -> None:
         rank_maneuvers(Predictor.load("gap"), busy(), by="luck")  # type: ignore[arg-type]
     with pytest.raises(ValueError, match='the policy "idm" holds no order network'):
         rank_maneuvers(Predictor.load("idm"), busy(), by="expectation")
+
+
+@pytest.mark.parametrize("by", ["expectation", "prediction"])
+def test_where_nothing_can_be_ordered_no_intervention_is_the_only_row(by: Literal["expectation", "prediction"]) -> None:
+    """Nobody meets anybody; and nobody takes instructions."""
+    alone = Traffic.of(BENDPLATZ, [Vehicle("one", "SE-NW", 90.0, 10.0)])
+    for traffic, cooperative in ((alone, None), (busy(), [])):
+        table = rank_maneuvers(Predictor.load(), traffic, cooperative, by=by)
+        assert table["order"].tolist() == ["no intervention"]
+
+
+def test_no_intervention_loses_the_time_that_a_forecast_of_all_orders_expects() -> None:
+    predictor, traffic = Predictor.load(), busy()
+    table = rank_maneuvers(predictor, traffic)
+    expected = forecast(predictor, traffic, mass=1.0, most=10_000).expected_time_loss().sum()
+    assert table.loc[~table["intervention"], "total_time_loss"].item() == pytest.approx(expected, abs=1e-4)

@@ -80,7 +80,7 @@ def test_summary_equals_the_full_prediction() -> None:
 def test_empty_traffic_is_predicted() -> None:
     prediction = Predictor.load("idm").predict(Traffic.of(T, []))
     assert prediction.position.shape == (1, 51, 0)
-    assert len(rank_maneuvers(Predictor.load("idm"), Traffic.of(T, []))) == 2
+    assert len(rank_maneuvers(Predictor.load("idm"), Traffic.of(T, []))) == 1
 
 
 def test_traffic_and_predictor_survive_pickling() -> None:

@@ -23,6 +23,8 @@ class Rules:
 
     gap: Gap = "critical_gap"
     network: Network | None = None
+    patience: Floats | None = None
+    """(vehicle,) the logit that the network's must exceed; None: 0."""
 
 
 @dataclass(frozen=True)
@@ -50,9 +52,10 @@ class Says:
 
 
 def accepts_gap(
-    intersection: Map, traffic: Traffic, pair: Integers, features: Floats, hold: Integers, gap: Gap, net: Network | None
+    intersection: Map, traffic: Traffic, pair: Integers, features: Floats, hold: Integers, rules: Rules
 ) -> bool:
     """The gap decision of the pair's yielder; features: (4,)."""
+    gap, net = rules.gap, rules.network
     i, j = int(pair[0]), int(pair[1])
     conflict = conflict_of(intersection, traffic, i, j)
     assert conflict is not None
@@ -67,7 +70,7 @@ def accepts_gap(
         foe_to_end = conflict.end_prioritized - rear(traffic, j)
         return foe_is_late or foe_to_end / limit_j < distance_to_stop_line(intersection, traffic, i) / limit_i
     assert net is not None, "gap='network' needs a network"
-    return evaluate(net, features, "leaky_relu") > 0
+    return evaluate(net, features, "leaky_relu") > (0 if rules.patience is None else rules.patience[i])
 
 
 # Decision
@@ -91,7 +94,7 @@ def say(intersection: Map, traffic: Traffic, memory: Memory, chooser: Chooser, o
             if is_settled(intersection, traffic, memory, int(pair[0])) and not memory.delta[pair[1]]:
                 kept[pair[1]] = True
             features = observation.gap[number]
-            if not accepts_gap(intersection, traffic, pair, features, memory.hold, rules.gap, rules.network):
+            if not accepts_gap(intersection, traffic, pair, features, memory.hold, rules):
                 refused[pair[0]] = True
         else:
             second = pair[1] if way == 1 else pair[0]

@@ -51,15 +51,16 @@ def predict(
     delta: Booleans | None = None,
     steps: int = STEPS,
     memory: Memory | None = None,
+    patience: Floats | None = None,
 ) -> Prediction:
     """Rolls one scenario out; assignments: (pair,); delta: (step, vehicle) decisions to replay. memory: what
-    everybody remembers; without, as at a start.
+    everybody remembers; without, as at a start. patience: (vehicle,); without, none is kept.
 
     Raises: ValueError for assignments that contradict lane order, each other, or what a vehicle can still do.
     """
     pairs, apart = conflicts(intersection, traffic), overlapping(intersection, traffic)
     given = np.zeros(len(pairs), dtype=np.int64) if assignments is None else assignments
-    chooser = Chooser(pairs, complete(intersection, traffic, given, memory), Rules(gap, gap_network))
+    chooser = Chooser(pairs, complete(intersection, traffic, given, memory), Rules(gap, gap_network, patience))
     memory = initial_memory(intersection, traffic) if memory is None else memory
     states, presences = [traffic], [memory.present]
     enters, reached, held, waited = [], [], [], []

@@ -3,7 +3,7 @@
 For tests, where the package has the same names; the rules are in the files that are imported here.
 """
 
-from tests.reference.decide import accepts_gap
+from tests.reference.decide import Rules, accepts_gap
 from tests.reference.drive import NETWORK_ACCELERATION, Idm, drive
 from tests.reference.intersection import Map, load_map
 from tests.reference.memory import Memory, initial_memory
@@ -12,6 +12,7 @@ from tests.reference.observe import observe
 from tests.reference.order_probabilities import logits, order_features, probabilities, yielder_first
 from tests.reference.orders import complete, lane_chains, orders
 from tests.reference.pairs import conflict_of, conflicts
+from tests.reference.patience import patience
 from tests.reference.position_quantiles import position_quantiles
 from tests.reference.predict import predict
 from tests.reference.traffic import TIME_STEP, Traffic
@@ -23,6 +24,7 @@ __all__ = [
     "Map",
     "Memory",
     "Network",
+    "Rules",
     "Traffic",
     "accepts_gap",
     "complete",
@@ -37,6 +39,7 @@ __all__ = [
     "observe",
     "order_features",
     "orders",
+    "patience",
     "position_quantiles",
     "predict",
     "probabilities",

@@ -99,7 +99,7 @@ def actor_decides(
             if rules is None:
                 refused[me] |= not yielder_was_first(recording, actor, here[pair[1]])
             else:
-                refused[me] |= not accepts_gap(intersection, traffic, pair, features, hold, rules.gap, rules.network)
+                refused[me] |= not accepts_gap(intersection, traffic, pair, features, hold, rules)
     for pair in all_pairs(intersection, traffic):
         if me in pair and _by_arrival(recording, traffic, pair):
             refused[me] |= _goes_second(recording, traffic, memory, pair, here, me)

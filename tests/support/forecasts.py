@@ -1,4 +1,4 @@
-"""Policies that forecast, with an order network and a spread of no training."""
+"""Policies that forecast, with an order network and a spread of no training; and forecasts of few vehicles."""
 
 from __future__ import annotations
 
@@ -6,8 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from intersection_env import Forecast, Traffic, Vehicle
 from intersection_env.policies.file import PolicyFile, Spread
 from tests.reference import predictor as reference
+from tests.support.busy_traffic import BENDPLATZ
 from tests.support.core_and_twin import weights
 from tests.support.twins import random_order_network
 
@@ -29,3 +31,25 @@ def forecasting(
     plain = PolicyFile("critical_gap", "idm") if policy is None else policy
     spread = random_spread(generator) if spread is None else spread
     return replace(plain, order_network=weights(network), spread=spread), network
+
+
+def few() -> Traffic:
+    """Three vehicles, three pairs."""
+    vehicles = [
+        Vehicle("main", "SE-NW", 90.0, 12.0),
+        Vehicle("side", "SW-NE", 75.0, 6.0),
+        Vehicle("left", "NW-NE", 135.0, 6.0),
+    ]
+    return Traffic.of(BENDPLATZ, vehicles)
+
+
+def by_order(found: Forecast) -> dict[tuple[int, ...], float]:
+    return dict(zip(map(tuple, found.orders.tolist()), found.probability.tolist(), strict=True))
+
+
+def assert_same(one: Forecast, other: Forecast) -> None:
+    for name in ("orders", "probability", "yielder_first", "order", "weight"):
+        np.testing.assert_array_equal(getattr(one, name), getattr(other, name), name)
+    for name in ("position", "speed", "acceleration", "enters", "present", "time_loss", "minimum_distance"):
+        np.testing.assert_array_equal(getattr(one.prediction, name), getattr(other.prediction, name), name)
+    assert (one.feasible, one.left_out) == (other.feasible, other.left_out)

@@ -25,6 +25,8 @@ struct Kernel {
     Workspace* (*create_one_scenario)();
     void (*destroy_one_scenario)(Workspace*);
     void (*predict_one_scenario)(const Problem&, const ScenarioArguments&, Workspace&);
+    // The gap network's logit of every pair at the start: (pair,).
+    void (*gap_logits)(const Problem&, float* logits);
     // out: (rows,) the network's output before its last activation; in: (rows, inputs).
     void (*evaluate_gap)(const GapNetwork&, const float* in, long rows, float* out);
     void (*evaluate_driving)(const DrivingNetwork&, const float* in, long rows, float* out);

@@ -16,6 +16,8 @@ Workspace* create_one_scenario();
 void destroy_one_scenario(Workspace*);
 void predict_one_scenario(const Problem&, const ScenarioArguments&, Workspace&);
 
+void gap_logits(const Problem&, float* logits);
+
 float multiply_add(long rounds);
 float hyperbolic_tangent(long rounds);
 

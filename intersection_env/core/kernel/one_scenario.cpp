@@ -172,7 +172,9 @@ void decide_pairs(const Problem& problem, const std::int32_t* assignments, long 
             met.foe_v_max = pick(run.v_max, run.count, j);
             met.distance_to_stop_line = lanes_at(p.yielder_stop_line + first) - (position_i + half_i);
         }
-        refused = vehicles_of(bits(asked & ~accepts_gap(problem.gap, problem.gap_network, met)), p.yielder + first);
+        refused = vehicles_of(
+            bits(asked & ~accepts_gap(problem.gap, problem.gap_network, met, lanes_at(p.yielder_patience + first))),
+            p.yielder + first);
     }
     const auto seconds = [&](Ints yielders, Ints others) {
         return vehicles_of(bits(yielders), p.yielder + first) | vehicles_of(bits(others), p.prioritized + first);

@@ -103,7 +103,8 @@ void decide_pair(const Problem& problem, const ProblemPair& pair, Ints assignmen
     i.refused |= to_i;
     const Ints asked = open & ~i.refused & ~settled(i); // elsewhere the answer changes nothing
     if (any(asked)) {
-        i.refused |= asked & ~accepts_gap(problem.gap, problem.gap_network, encounter(pair, block));
+        i.refused |= asked & ~accepts_gap(problem.gap, problem.gap_network, encounter(pair, block),
+                                          all(problem.vehicles[pair.yielder].patience));
     }
     i.refused_by_assignment |= to_i & told;
     j.refused |= to_j;
@@ -284,7 +285,8 @@ void observe(const Problem& problem, const ObservationArguments& arguments, Work
         for (int k = 0; k < GAP_INPUTS; ++k) {
             arguments.gap[p * GAP_INPUTS + k] = features[k][0];
         }
-        arguments.accepts[p] = accepts_gap(problem.gap, problem.gap_network, met)[0] != 0;
+        const Floats patience = all(problem.vehicles[problem.pairs[p].yielder].patience);
+        arguments.accepts[p] = accepts_gap(problem.gap, problem.gap_network, met, patience)[0] != 0;
     }
 }
 

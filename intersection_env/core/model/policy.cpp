@@ -125,6 +125,14 @@ Driver driver_named(std::string_view name) {
                                 std::string(name) + "\"");
 }
 
+Patience patience_named(std::string_view name) {
+    if (name == "none")
+        return Patience::none;
+    if (name == "kept")
+        return Patience::kept;
+    throw std::invalid_argument("patience must be \"none\" or \"kept\", not \"" + std::string(name) + "\"");
+}
+
 Policy Policy::read(const std::string& path) { return parse(read_file(path), path); }
 
 Policy Policy::parse(std::string text, std::string where) {

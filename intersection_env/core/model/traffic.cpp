@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <stdexcept>
 #include <string>
 
@@ -52,6 +53,20 @@ void check_memories(const Map& map, const Traffic& traffic) {
     }
 }
 
+void check_patience(const Traffic& traffic) {
+    if (!traffic.has_patience()) {
+        return;
+    }
+    if (traffic.patience.size() != traffic.route.size()) {
+        throw std::invalid_argument("patience must have one entry a vehicle");
+    }
+    for (int i = 0; i < traffic.count(); ++i) {
+        if (!std::isfinite(traffic.patience[at(i)])) {
+            refuse(i, "patience must be finite, not " + std::to_string(traffic.patience[at(i)]));
+        }
+    }
+}
+
 } // namespace
 
 void check(const Map& map, const Traffic& traffic) {
@@ -80,6 +95,7 @@ void check(const Map& map, const Traffic& traffic) {
         }
     }
     check_memories(map, traffic);
+    check_patience(traffic);
 }
 
 void find_conflicts(const Map& map, const Traffic& traffic, std::vector<Pair>& found) {

@@ -130,7 +130,7 @@ Ranking expected_maneuvers(const Predictor& predictor, const Traffic& traffic,
         groups[found->second].second.push_back(row);
     }
     for (const auto& [imposed, rows] : groups) {
-        if (all.found.feasible) {
+        if (all.found.feasible && imposes_anything(imposed)) {
             append(imposed, rows);
         }
     }

@@ -57,12 +57,11 @@ void keep_most_probable(const WeighedOrders& found, std::span<const double> prob
 
 } // namespace
 
-std::vector<float> observe_orders(const Predictor& predictor, const Traffic& traffic, const Kernel& kernel) {
-    intersection_env::check(predictor.map(), traffic);
-    const std::vector<Pair> pairs = find_conflicts(predictor.map(), traffic);
+std::vector<float> observe_orders(const Predictor& predictor, const Traffic& traffic, std::span<const Pair> pairs,
+                                  const Kernel& kernel) {
     std::vector<float> driving(at(traffic.count()) * DRIVING_INPUTS), gap(pairs.size() * GAP_INPUTS);
     std::vector<std::uint8_t> accepts(pairs.size());
-    predictor.observe(traffic, driving.data(), gap.data(), accepts.data(), kernel);
+    predictor.observe(traffic, pairs, driving.data(), gap.data(), accepts.data(), kernel);
     std::vector<float> features(pairs.size() * ORDER_INPUTS);
     order_features(predictor.map(), traffic, pairs, driving.data(), features.data());
     return features;

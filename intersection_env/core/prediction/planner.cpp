@@ -75,9 +75,9 @@ Traffic traffic_of(const Map& map, std::span<const Vehicle> vehicles) {
     return traffic;
 }
 
-Planner::Planner(Map map, Policy policy, int threads)
-    : predictor_(
-          std::make_shared<const Predictor>(std::make_shared<const Map>(std::move(map)), std::move(policy), threads)) {}
+Planner::Planner(Map map, Policy policy, int threads, std::optional<Patience> patience)
+    : predictor_(std::make_shared<const Predictor>(std::make_shared<const Map>(std::move(map)), std::move(policy),
+                                                   threads, patience)) {}
 
 const Map& Planner::map() const { return predictor_->map(); }
 const Policy& Planner::policy() const { return predictor_->policy(); }
@@ -106,12 +106,15 @@ void Planner::predict(const Traffic& traffic, std::span<const std::int8_t> prior
     result.waited.resize(map().has_stops() ? result.position.size() : 0);
     result.time_loss.resize(scenarios * vehicles);
     result.minimum_distance.resize(scenarios);
+    result.patience.resize(predictor_->keeps_patience(traffic) ? vehicles : 0);
     predictor_->predict(
         traffic, result.priorities, result.scenarios, {},
         {{result.position.data(), result.speed.data(), result.acceleration.data(), result.enters.data(),
           result.present.data(), result.hold.data(), result.waited.empty() ? nullptr : result.waited.data()},
          result.time_loss.data(),
-         result.minimum_distance.data()},
+         result.minimum_distance.data(),
+         nullptr,
+         result.patience.empty() ? nullptr : result.patience.data()},
         kernel());
 }
 
@@ -141,16 +144,23 @@ Traffic Planner::traffic_at(const Prediction& prediction, int step, int scenario
                 now.waited.push_back(start.waited[i]);
             }
         }
+        if (!prediction.patience.empty()) {
+            now.patience.push_back(prediction.patience[i]);
+        }
     }
     return now;
 }
 
 std::vector<std::int8_t> Planner::priorities_at(const Prediction& prediction, int step, int scenario) const {
-    const std::vector<Pair> after = find_conflicts(map(), traffic_at(prediction, step, scenario));
+    const Traffic later = traffic_at(prediction, step, scenario);
     const std::span<const std::int8_t> all = prediction.priorities;
     const std::size_t pairs = prediction.pairs.size();
-    return carry_priorities(prediction.pairs, all.subspan(static_cast<std::size_t>(scenario) * pairs, pairs),
-                            present_at(prediction, step, scenario), after);
+    return carry_priorities(map(), prediction.pairs, all.subspan(static_cast<std::size_t>(scenario) * pairs, pairs),
+                            present_at(prediction, step, scenario), later);
+}
+
+std::vector<float> Planner::patience(const Traffic& traffic, std::span<const double> levels) const {
+    return predictor_->patience(traffic, levels, kernel());
 }
 
 Forecast Planner::forecast(const Traffic& traffic, std::span<const std::int8_t> given,

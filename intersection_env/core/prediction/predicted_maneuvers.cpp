@@ -29,6 +29,10 @@ Maneuver maneuver(const Outcomes& outcomes, std::size_t order, std::size_t vehic
 
 } // namespace
 
+bool imposes_anything(std::span<const std::int8_t> priorities) {
+    return std::ranges::any_of(priorities, [](std::int8_t direction) { return direction != 0; });
+}
+
 bool Outcomes::safe(std::size_t order) const {
     return followed[order] != 0 && minimum_distance[order] >= COLLISION_DISTANCE;
 }
@@ -73,7 +77,9 @@ Ranking predicted_maneuvers(const Predictor& predictor, const Traffic& traffic,
     std::size_t remaining = limit;
     while (const std::size_t found = orders.next(batch.data(), std::min(most, remaining))) {
         remaining -= found;
-        append({batch.data(), found * pairs}, found, {});
+        if (imposes_anything({batch.data(), pairs})) { // else it is the only one
+            append({batch.data(), found * pairs}, found, {});
+        }
         if (deadline.passed()) {
             break;
         }

@@ -11,6 +11,7 @@
 #include "intersection_env/orders.hpp"
 #include "model/contact.hpp"
 #include "model/rectangle.hpp"
+#include "prediction/patience.hpp"
 #include "tables/lane_tables.hpp"
 #include "threads.hpp"
 
@@ -21,6 +22,13 @@ constexpr Interval EVERYWHERE{-FAR, FAR};
 constexpr float ROUNDED_REACH = 0.001F; // [m], above what rounding can take from a distance
 
 std::size_t at(int index) { return static_cast<std::size_t>(index); }
+
+void check_count(std::size_t pairs) {
+    if (pairs > MAX_PAIRS) {
+        throw std::invalid_argument(std::to_string(pairs) + " conflicting pairs are more than " +
+                                    std::to_string(MAX_PAIRS));
+    }
+}
 
 // One call's scenarios, and where their results go.
 struct Batch {
@@ -53,6 +61,7 @@ struct Predictor::Bound {
     std::vector<LeadCandidate> candidates;
     std::vector<ProblemPair> pairs;
     std::vector<Touch> touches;
+    std::vector<float> gap_logits; // (pair,) at the start, where they are asked for
     LaneTables lanes;
 };
 
@@ -130,9 +139,13 @@ Predictor::Memory& Predictor::memory() {
     return memory;
 }
 
-Predictor::Predictor(std::shared_ptr<const Map> map, Policy policy, int threads)
-    : map_(std::move(map)), policy_(std::move(policy)), tables_(*map_, policy_.idm),
-      crew_(threads == 1 ? nullptr : std::make_unique<Crew>(threads)) {
+Predictor::Predictor(std::shared_ptr<const Map> map, Policy policy, int threads, std::optional<Patience> patience)
+    : map_(std::move(map)), policy_(std::move(policy)),
+      patience_(patience.value_or(policy_.gap == Gap::network ? DEFAULT_PATIENCE : Patience::none)),
+      tables_(*map_, policy_.idm), crew_(threads == 1 ? nullptr : std::make_unique<Crew>(threads)) {
+    if (patience_ == Patience::kept && policy_.gap != Gap::network) {
+        throw std::invalid_argument("patience can be kept only where a network decides about gaps");
+    }
     if ((policy_.gap == Gap::network && !policy_.gap_network) ||
         (policy_.driver == Driver::network && !policy_.driving_network)) {
         throw std::invalid_argument("the policy names a network that it does not hold");
@@ -195,7 +208,7 @@ void Predictor::add_touches(const Traffic& traffic, Bound& bound) const {
     }
 }
 
-void Predictor::bind(const Traffic& traffic, std::span<const Pair> pairs, Bound& bound) const {
+void Predictor::bind(const Traffic& traffic, std::span<const Pair> pairs, const Kernel& kernel, Bound& bound) const {
     bound.vehicles.clear();
     bound.candidates.clear();
     bound.pairs.clear();
@@ -210,7 +223,8 @@ void Predictor::bind(const Traffic& traffic, std::span<const Pair> pairs, Bound&
                                   0.5F * traffic.width[at(i)], std::min(traffic.max_speed[at(i)], UNBOUNDED),
                                   route.stop_line, route.length, index, route.must_stop,
                                   traffic.has_memories() ? traffic.delta[at(i)] != 0 : committed(*map_, traffic, i),
-                                  traffic.has_memories() ? traffic.hold[at(i)] : -1, traffic.steps_waited(i), first,
+                                  traffic.has_memories() ? traffic.hold[at(i)] : -1, traffic.steps_waited(i),
+                                  traffic.has_patience() ? traffic.patience[at(i)] : 0.0F, first,
                                   static_cast<int>(bound.candidates.size())});
     }
     for (const Pair& pair : pairs) {
@@ -226,6 +240,56 @@ void Predictor::bind(const Traffic& traffic, std::span<const Pair> pairs, Bound&
     }
     add_touches(traffic, bound);
     bound.lanes.fill(bound.vehicles, bound.candidates, bound.pairs);
+    bind_patience(traffic, pairs, kernel, bound);
+}
+
+void Predictor::bind_patience(const Traffic& traffic, std::span<const Pair> pairs, const Kernel& kernel,
+                              Bound& bound) const {
+    if (traffic.has_patience() && policy_.gap != Gap::network) {
+        throw std::invalid_argument("this traffic's drivers keep patience, but no network decides about gaps");
+    }
+    if (traffic.has_patience() || patience_ == Patience::none) {
+        return;
+    }
+    bool is_asked = false;
+    for (int i = 0; i < traffic.count(); ++i) {
+        is_asked |= waits(*map_, traffic, i);
+    }
+    if (!is_asked) {
+        return; // 0, the median, is everybody's
+    }
+    bound.gap_logits.resize(pairs.size());
+    kernel.gap_logits(problem(bound), bound.gap_logits.data());
+    for (int i = 0; i < traffic.count(); ++i) {
+        bound.vehicles[at(i)].patience = patience_of(*map_, traffic, i, pairs, bound.gap_logits, MEDIAN);
+    }
+    bound.lanes.fill_patience(bound.vehicles, bound.pairs);
+}
+
+std::vector<float> Predictor::patience(const Traffic& traffic, std::span<const double> levels,
+                                       const Kernel& kernel) const {
+    check(*map_, traffic);
+    if (policy_.gap != Gap::network) {
+        throw std::invalid_argument("only where a network decides about gaps are drivers more or less patient");
+    }
+    if (levels.size() != at(traffic.count())) {
+        throw std::invalid_argument("levels take one entry a vehicle");
+    }
+    for (const double level : levels) {
+        if (!(level > 0.0 && level < 1.0)) {
+            throw std::invalid_argument("a level must be above 0 and below 1, not " + std::to_string(level));
+        }
+    }
+    Memory& own = memory();
+    find_open_pairs(traffic, own.pairs);
+    bind(traffic, own.pairs, kernel, own.bound);
+    own.bound.gap_logits.resize(own.pairs.size());
+    kernel.gap_logits(problem(own.bound), own.bound.gap_logits.data());
+    std::vector<float> result;
+    for (int i = 0; i < traffic.count(); ++i) {
+        result.push_back(patience_of(*map_, traffic, i, own.pairs, own.bound.gap_logits, levels[at(i)]));
+    }
+    return result;
 }
 
 Problem Predictor::problem(const Bound& bound) const {
@@ -250,22 +314,18 @@ Problem Predictor::problem(const Bound& bound) const {
             bound.lanes.problem()};
 }
 
-void Predictor::observe(const Traffic& traffic, float* driving, float* gap, std::uint8_t* accepts,
-                        const Kernel& kernel) const {
-    check(*map_, traffic);
+void Predictor::observe(const Traffic& traffic, std::span<const Pair> pairs, float* driving, float* gap,
+                        std::uint8_t* accepts, const Kernel& kernel) const {
+    check_count(pairs.size());
     Memory& own = memory();
     own.workspaces.serve(kernel);
-    find_open_pairs(traffic, own.pairs);
-    bind(traffic, own.pairs, own.bound);
+    bind(traffic, pairs, kernel, own.bound);
     kernel.observe(problem(own.bound), {driving, gap, accepts}, *own.workspaces.block);
 }
 
 void Predictor::find_open_pairs(const Traffic& traffic, std::vector<Pair>& pairs) const {
     find_conflicts(*map_, traffic, pairs);
-    if (pairs.size() > MAX_PAIRS) {
-        throw std::invalid_argument(std::to_string(pairs.size()) + " conflicting pairs are more than " +
-                                    std::to_string(MAX_PAIRS));
-    }
+    check_count(pairs.size());
 }
 
 void Predictor::predict(const Traffic& traffic, std::span<std::int8_t> assignments, int scenarios,
@@ -284,7 +344,7 @@ void Predictor::predict(const Traffic& traffic, std::span<std::int8_t> assignmen
     for (int s = 0; s < scenarios; ++s) {
         own.completion.complete(assignments.subspan(at(s) * pair_count, pair_count));
     }
-    bind(traffic, pairs, own.bound);
+    bind(traffic, pairs, kernel, own.bound);
     const Problem shared = problem(own.bound);
     const Batch batch{shared, assignments, decisions, results, scenarios};
     const int blocks = (scenarios + kernel.lanes - 1) / kernel.lanes;
@@ -293,6 +353,9 @@ void Predictor::predict(const Traffic& traffic, std::span<std::int8_t> assignmen
         for (int block = 0; block < blocks; ++block) {
             own.workspaces.predict(batch, block);
         }
+    }
+    if (results.patience != nullptr) {
+        std::ranges::transform(own.bound.vehicles, results.patience, &ProblemVehicle::patience);
     }
     if (results.minimum_distance != nullptr) {
         std::replace_if(

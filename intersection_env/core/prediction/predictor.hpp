@@ -2,6 +2,7 @@
 #pragma once
 
 #include <memory>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -20,6 +21,7 @@ struct Results {
     float* time_loss = nullptr;        // (scenario, vehicle) [s], always written
     float* minimum_distance = nullptr; // (scenario,) [m], infinite where no two vehicles can touch
     std::uint8_t* followed = nullptr;  // (scenario,), whether the second of each assigned pair lets the first pass
+    float* patience = nullptr;         // (vehicle,), what drivers keep, as Traffic holds it
 };
 
 // Only the first predictions of a thread allocate memory, and those of a larger traffic than any before. Any number of
@@ -27,12 +29,17 @@ struct Results {
 class Predictor {
   public:
     // threads: how many share a batch of several blocks, 0: one a core; they do not change what comes out. They help
-    // one caller at a time; whoever calls meanwhile works alone. Throws std::invalid_argument for a count out of range.
-    Predictor(std::shared_ptr<const Map> map, Policy policy, int threads = 1);
+    // one caller at a time; whoever calls meanwhile works alone. patience: of drivers whose traffic brings none; none
+    // named: DEFAULT_PATIENCE where a network decides about gaps. Throws std::invalid_argument for a count out of
+    // range, or patience kept where no network decides.
+    Predictor(std::shared_ptr<const Map> map, Policy policy, int threads = 1, std::optional<Patience> patience = {});
     ~Predictor();
 
     const Map& map() const { return *map_; }
     const Policy& policy() const { return policy_; }
+    Patience patience() const { return patience_; }
+    // Whether drivers keep anything in a prediction of this traffic.
+    bool keeps_patience(const Traffic& traffic) const { return patience_ == Patience::kept || traffic.has_patience(); }
 
     // assignments: (scenario, pair) over find_conflicts(map, traffic), completed in place under lane order.
     // decisions: (scenario, step, vehicle) to replay instead of deciding, or empty.
@@ -40,9 +47,14 @@ class Predictor {
     void predict(const Traffic& traffic, std::span<std::int8_t> assignments, int scenarios,
                  std::span<const std::uint8_t> decisions, const Results& results, const Kernel& kernel) const;
 
-    // What every vehicle sees and decides now, without intervention. driving: (vehicle, DRIVING_INPUTS);
-    // gap: (pair, GAP_INPUTS) and accepts: (pair,) over find_conflicts(map, traffic).
-    void observe(const Traffic& traffic, float* driving, float* gap, std::uint8_t* accepts, const Kernel& kernel) const;
+    // What every vehicle sees and decides now, without intervention. pairs: find_conflicts of the traffic, which is
+    // checked. driving: (vehicle, DRIVING_INPUTS); gap: (pair, GAP_INPUTS), accepts: (pair,).
+    void observe(const Traffic& traffic, std::span<const Pair> pairs, float* driving, float* gap, std::uint8_t* accepts,
+                 const Kernel& kernel) const;
+
+    // The patience (vehicle,) of the driver at each vehicle's level of all that could be in it: 0.5 is the median.
+    // Throws std::invalid_argument where no network decides about gaps, or for a level not above 0 and below 1.
+    std::vector<float> patience(const Traffic& traffic, std::span<const double> levels, const Kernel& kernel) const;
 
   private:
     struct Bound;      // a Problem and what it points to
@@ -51,13 +63,15 @@ class Predictor {
     struct Crew;       // the threads that help with a large batch
     static Memory& memory();
     void find_open_pairs(const Traffic& traffic, std::vector<Pair>& pairs) const;
-    void bind(const Traffic& traffic, std::span<const Pair> pairs, Bound& bound) const;
+    void bind(const Traffic& traffic, std::span<const Pair> pairs, const Kernel& kernel, Bound& bound) const;
+    void bind_patience(const Traffic& traffic, std::span<const Pair> pairs, const Kernel& kernel, Bound& bound) const;
     Problem problem(const Bound& bound) const;
     void add_candidates(const Traffic& traffic, int i, Bound& bound) const;
     void add_touches(const Traffic& traffic, Bound& bound) const;
 
     std::shared_ptr<const Map> map_;
     Policy policy_;
+    Patience patience_;
     RouteTables tables_;
     std::unique_ptr<Crew> crew_; // null: every caller works alone
 };

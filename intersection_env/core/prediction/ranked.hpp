@@ -12,6 +12,9 @@
 
 namespace intersection_env {
 
+// Whether priorities (pair,) order anything; what does not is no intervention.
+bool imposes_anything(std::span<const std::int8_t> priorities);
+
 // What some orders come to: (order, vehicle) time losses [s], (order,) smallest distances [m] and whether each is
 // followed.
 struct Outcomes {

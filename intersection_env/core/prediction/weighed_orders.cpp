@@ -44,9 +44,10 @@ WeighedOrders weigh_orders(const Predictor& predictor, const Traffic& traffic, s
     if (!predictor.policy().forecast) {
         throw std::invalid_argument("the policy holds no order network, so it knows no probabilities");
     }
-    const std::vector<float> features = observe_orders(predictor, traffic, kernel);
+    check(predictor.map(), traffic);
     WeighedOrders result;
     result.pairs = find_conflicts(predictor.map(), traffic);
+    const std::vector<float> features = observe_orders(predictor, traffic, result.pairs, kernel);
     const std::size_t pairs = result.pairs.size();
     result.logits.resize(pairs);
     kernel.evaluate_order(predictor.policy().forecast->order_network, features.data(), static_cast<long>(pairs),

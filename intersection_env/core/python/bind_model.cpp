@@ -29,8 +29,8 @@ namespace {
 Traffic make_traffic(const Map& map, const Vector<int>& route, const Vector<float>& position,
                      const Vector<float>& speed, const Vector<float>& length, const Vector<float>& width,
                      const Vector<float>& max_speed, const std::optional<Vector<bool>>& delta,
-                     const std::optional<Vector<std::int16_t>>& hold,
-                     const std::optional<Vector<std::int32_t>>& waited) {
+                     const std::optional<Vector<std::int16_t>>& hold, const std::optional<Vector<std::int32_t>>& waited,
+                     const std::optional<Vector<float>>& patience) {
     Traffic traffic{copy(route), copy(position), copy(speed), copy(length), copy(width), copy(max_speed)};
     if (delta) {
         traffic.delta.assign(delta->data(), delta->data() + delta->size());
@@ -40,6 +40,9 @@ Traffic make_traffic(const Map& map, const Vector<int>& route, const Vector<floa
     }
     if (waited) {
         traffic.waited.assign(waited->data(), waited->data() + waited->size());
+    }
+    if (patience) {
+        traffic.patience.assign(patience->data(), patience->data() + patience->size());
     }
     check(map, traffic);
     return traffic;
@@ -158,7 +161,7 @@ void bind_model(nb::module_& m) {
         .def(nb::new_(&make_traffic), "map"_a, "route"_a.noconvert(), "position"_a.noconvert(), "speed"_a.noconvert(),
              "length"_a.noconvert(), "width"_a.noconvert(), "max_speed"_a.noconvert(),
              "delta"_a.noconvert().none() = nb::none(), "hold"_a.noconvert().none() = nb::none(),
-             "waited"_a.noconvert().none() = nb::none());
+             "waited"_a.noconvert().none() = nb::none(), "patience"_a.noconvert().none() = nb::none());
 
     m.def(
         "conflicts", [](const Map& map, const Traffic& t) { return as_array(find_conflicts(map, t)); }, "map"_a,

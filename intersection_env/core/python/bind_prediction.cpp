@@ -38,7 +38,7 @@ using Shorts = nb::ndarray<nb::numpy, std::int16_t>;
 using Counts = nb::ndarray<nb::numpy, std::int32_t>;
 using Directions = nb::ndarray<nb::numpy, std::int8_t>;
 
-std::tuple<Floats, Floats, Floats, Flags, Flags, Floats, Floats, Shorts, Directions, std::optional<Counts>>
+std::tuple<Floats, Floats, Floats, Flags, Flags, Floats, Floats, Shorts, Directions, std::optional<Counts>, Floats>
 predict(const Predictor& predictor, const Traffic& traffic, const Matrix<std::int8_t>& assignments, bool trajectories,
         bool safety, const std::optional<nb::ndarray<const std::uint8_t, nb::ndim<3>, nb::c_contig>>& decisions,
         const std::optional<std::string>& isa) {
@@ -65,6 +65,8 @@ predict(const Predictor& predictor, const Traffic& traffic, const Matrix<std::in
     }
     results.time_loss = time_loss.data();
     results.minimum_distance = safety ? minimum_distance.data() : nullptr;
+    auto patience = make<float>({vehicles});
+    results.patience = patience.data();
     auto completed = make<std::int8_t>({scenarios, assignments.shape(1)});
     std::copy_n(assignments.data(), assignments.size(), completed.data());
     const std::span<const std::uint8_t> replayed =
@@ -76,16 +78,24 @@ predict(const Predictor& predictor, const Traffic& traffic, const Matrix<std::in
                           isa ? kernel_named(*isa) : kernel());
     }
     return std::make_tuple(position, speed, acceleration, enters, present, time_loss, minimum_distance, hold, completed,
-                           waited);
+                           waited, patience);
+}
+
+Floats patience_at(const Predictor& predictor, const Traffic& traffic, const Vector<double>& levels) {
+    const std::vector<float> found = predictor.patience(traffic, {levels.data(), levels.size()}, kernel());
+    auto array = make<float>({found.size()});
+    std::ranges::copy(found, array.data());
+    return array;
 }
 
 std::tuple<Floats, Floats, Flags> observe(const Predictor& predictor, const Traffic& traffic) {
     const std::size_t vehicles = traffic.route.size();
-    const std::size_t pairs = find_conflicts(predictor.map(), traffic).size();
+    check(predictor.map(), traffic);
+    const std::vector<Pair> pairs = find_conflicts(predictor.map(), traffic);
     auto driving = make<float>({vehicles, DRIVING_INPUTS});
-    auto gap = make<float>({pairs, GAP_INPUTS});
-    auto accepts = make<std::uint8_t>({pairs});
-    predictor.observe(traffic, driving.data(), gap.data(), accepts.data(), kernel());
+    auto gap = make<float>({pairs.size(), GAP_INPUTS});
+    auto accepts = make<std::uint8_t>({pairs.size()});
+    predictor.observe(traffic, pairs, driving.data(), gap.data(), accepts.data(), kernel());
     return std::make_tuple(driving, gap, accepts);
 }
 
@@ -256,9 +266,8 @@ void bind_prediction(nb::module_& m) {
                 throw std::invalid_argument("priorities take one direction a pair before, vehicles one index a vehicle "
                                             "after");
             }
-            const std::vector<std::int8_t> carried =
-                carry_priorities(pairs, {priorities.data(), priorities.size()}, {vehicles.data(), vehicles.size()},
-                                 find_conflicts(map, after));
+            const std::vector<std::int8_t> carried = carry_priorities(
+                map, pairs, {priorities.data(), priorities.size()}, {vehicles.data(), vehicles.size()}, after);
             auto array = make<std::int8_t>({carried.size()});
             std::copy(carried.begin(), carried.end(), array.data());
             return array;
@@ -296,20 +305,36 @@ void bind_prediction(nb::module_& m) {
              "(row,): the driving network's output before its last tanh.");
 
     nb::class_<Predictor>(m, "Predictor")
-        .def(nb::init<std::shared_ptr<const Map>, Policy, int>(), "map"_a, "policy"_a, "threads"_a = 1)
+        .def(nb::new_([](std::shared_ptr<const Map> map, Policy policy, int threads,
+                         const std::optional<std::string>& patience) {
+                 return std::make_shared<Predictor>(std::move(map), std::move(policy), threads,
+                                                    patience ? std::optional(patience_named(*patience)) : std::nullopt);
+             }),
+             "map"_a, "policy"_a, "threads"_a = 1, "patience"_a = nb::none(),
+             "patience: \"none\" or \"kept\"; None: the default of its gap decision.")
+        .def_prop_ro(
+            "patience_kept", [](const Predictor& predictor) { return predictor.patience() == Patience::kept; },
+            "Whether drivers keep the quantile by which they accept gaps.")
         .def("observe", &observe, "traffic"_a,
              "driving (vehicle, 12) and gap (pair, 4) features, and which pairs' gaps are accepted (pair,).")
         .def(
             "observe_orders",
             [](const Predictor& predictor, const Traffic& traffic) {
-                const std::vector<float> features = observe_orders(predictor, traffic, kernel());
+                check(predictor.map(), traffic);
+                const std::vector<Pair> pairs = find_conflicts(predictor.map(), traffic);
+                const std::vector<float> features = observe_orders(predictor, traffic, pairs, kernel());
                 return copied(features, {features.size() / ORDER_INPUTS, ORDER_INPUTS});
             },
             "traffic"_a, "(pair, 21): what an order network sees.")
-        .def("predict", &predict, "traffic"_a, "assignments"_a.noconvert(), "trajectories"_a, "safety"_a,
-             "decisions"_a.noconvert().none() = nb::none(), "isa"_a = nb::none(),
-             "position, speed, acceleration, enters, present, time_loss, minimum_distance, hold, completed, waited "
-             "assignments.");
+        .def(
+            "predict", &predict, "traffic"_a, "assignments"_a.noconvert(), "trajectories"_a, "safety"_a,
+            "decisions"_a.noconvert().none() = nb::none(), "isa"_a = nb::none(),
+            "position, speed, acceleration, enters, present, time_loss, minimum_distance, hold, completed assignments, "
+            "waited, patience.")
+        .def("keeps_patience", &Predictor::keeps_patience, "traffic"_a,
+             "Whether drivers keep anything in a prediction of this traffic.")
+        .def("patience", &patience_at, "traffic"_a, "levels"_a.noconvert(),
+             "(vehicle,): the patience of the driver at each vehicle's level (vehicle,).");
 
     m.def("rank_maneuvers", &rank, "predictor"_a, "traffic"_a, "cooperative"_a.noconvert(), "limit"_a.none(),
           "seconds"_a, "by_expectation"_a.none(),

@@ -18,6 +18,7 @@ void LaneTables::fill(const std::vector<ProblemVehicle>& vehicles, const std::ve
     fill_vehicles(vehicles);
     fill_candidates(vehicles, candidates);
     fill_pairs(vehicles, pairs);
+    fill_patience(vehicles, pairs);
 }
 
 void LaneTables::fill_vehicles(const std::vector<ProblemVehicle>& vehicles) {
@@ -124,6 +125,13 @@ void LaneTables::fill_pairs(const std::vector<ProblemVehicle>& vehicles, const s
     }
 }
 
+void LaneTables::fill_patience(const std::vector<ProblemVehicle>& vehicles, const std::vector<ProblemPair>& pairs) {
+    yielder_patience_.assign(at(padded_pairs_), 0.0F);
+    for (std::size_t k = 0; k < pairs.size(); ++k) {
+        yielder_patience_[k] = vehicles[at(pairs[at(pair_[k])].yielder)].patience;
+    }
+}
+
 LaneProblem LaneTables::problem() const {
     return {vehicles_,
             padded_vehicles_,
@@ -161,7 +169,8 @@ LaneProblem LaneTables::problem() const {
             yielder_half_length_.data(),
             prioritized_half_length_.data(),
             yielder_stop_line_.data(),
-            prioritized_line_.data()};
+            prioritized_line_.data(),
+            yielder_patience_.data()};
 }
 
 } // namespace intersection_env

@@ -12,6 +12,8 @@ class LaneTables {
   public:
     void fill(const std::vector<ProblemVehicle>& vehicles, const std::vector<LeadCandidate>& candidates,
               const std::vector<ProblemPair>& pairs);
+    // Once more what vehicles know of their patience, where it has changed since.
+    void fill_patience(const std::vector<ProblemVehicle>& vehicles, const std::vector<ProblemPair>& pairs);
     LaneProblem problem() const;
 
   private:
@@ -28,7 +30,7 @@ class LaneTables {
     LaneVector<std::int32_t> pair_, yielder_, prioritized_, yielder_route_, merging_, by_arrival_;
     LaneVector<float> yielder_end_, prioritized_end_, yielder_entry_, prioritized_entry_;
     LaneVector<float> yielder_half_length_, prioritized_half_length_;
-    LaneVector<float> yielder_stop_line_, prioritized_line_;
+    LaneVector<float> yielder_stop_line_, prioritized_line_, yielder_patience_;
 };
 
 } // namespace intersection_env

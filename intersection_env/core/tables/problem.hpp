@@ -30,6 +30,7 @@ struct ProblemVehicle {
     bool must_stop;
     bool delta; // the memories at the start
     int hold, waited;
+    float patience;                      // the logit that a gap's must exceed
     int first_candidate, last_candidate; // range in Problem::candidates
 };
 
@@ -73,6 +74,7 @@ struct LaneProblem {
     const float *yielder_end, *prioritized_end, *yielder_entry, *prioritized_entry;
     const float *yielder_half_length, *prioritized_half_length;
     const float *yielder_stop_line, *prioritized_line;
+    const float* yielder_patience;
 };
 
 // Pointers and counts only: the kernel must not call inline functions of the standard library.

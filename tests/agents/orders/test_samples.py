@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from agents.orders import samples as module
-from agents.orders.samples import OrderSample, known_order, order_samples
+from agents.orders.samples import OrderSample, order_samples
 from intersection_env import Scenes, crossing_orders
 from intersection_env.evaluation.moments import SCORED, Moment, contested, moments_of
-from intersection_env.evaluation.recorded_order import recorded_order
+from intersection_env.evaluation.recorded_order import recorded_order, scored_order
 from tests.reference import predictor as reference
 from tests.support.scenes import small_scenes
 from tests.support.twins import twin_map
@@ -34,7 +34,7 @@ def usable(moments: list[Moment]) -> list[Moment]:
         orders = np.concatenate(
             [np.zeros((0, len(moment.traffic.conflicts)), np.int8), *crossing_orders(moment.traffic)]
         )
-        known = known_order(moment)
+        known, _ = scored_order(moment)
         sample = OrderSample(np.zeros((0, 21), np.float32), orders, known)
         if known.any() and len(orders) <= module.MOST_ORDERS and sample.possible.any():
             found.append(moment)
@@ -58,13 +58,13 @@ def test_samples_are_features_orders_and_the_recorded_order_of_each_moment(
         feasible = {tuple(row) for batch in crossing_orders(traffic) for row in batch.tolist()}
         assert {tuple(row) for row in sample.orders.tolist()} == feasible
         assert len(sample.orders) == len(feasible)
-        np.testing.assert_array_equal(sample.recorded, known_order(moment))
+        np.testing.assert_array_equal(sample.recorded, scored_order(moment)[0])
 
 
 def test_pairs_with_a_bicycle_are_not_scored(moments: list[Moment]) -> None:
     bicycles = cars = 0
     for moment in moments:
-        known, (recorded, _) = known_order(moment), recorded_order(moment)
+        (known, _), (recorded, _) = scored_order(moment), recorded_order(moment)
         users = [track.road_user for track in moment.tracks()]
         for pair, (i, j) in enumerate(moment.traffic.conflicts.tolist()):
             scored = users[i] in SCORED and users[j] in SCORED

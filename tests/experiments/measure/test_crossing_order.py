@@ -12,6 +12,7 @@ import pytest
 from numpy.typing import NDArray
 
 from experiments.measure.crossing_order import Options, main, order_results, scored_pairs
+from experiments.models.patient import patient
 from experiments.show.crossing_order import BASELINES, order_table
 from intersection_env import Intersection, Prediction, Predictor, Scene, Scenes, Traffic
 from intersection_env.evaluation import intervals
@@ -242,10 +243,11 @@ def test_results_of_the_split_asked_for_are_written_and_printed(
     ]
     scenes = Scenes(bendplatz, (pair(bendplatz, 20, 30), *others), {}, {})
     scenes.save(tmp_path / "scenes.npz")
-    assert main(Options(scenes=(tmp_path / "scenes.npz",), policies=("gap",), out=tmp_path)) == 0
+    options = Options(scenes=(tmp_path / "scenes.npz",), policies=("gap",), patient=("gap",), out=tmp_path)
+    assert main(options) == 0
     content = json.loads((tmp_path / "order_development.json").read_text(encoding="utf-8"))
     own, _ = moments_of(scenes.select("development"))
-    expected = order_results([Predictor.load("gap")], own)
+    expected = order_results([Predictor.load("gap"), patient(Predictor.load("gap"))], own)
     assert content == {"split": "development", "refused": 0, **expected}
     assert content["recordings"] == 1
     assert capsys.readouterr().out.strip() == order_table(expected)

@@ -38,6 +38,7 @@ def chances(joint: list[float], truth: list[bool], sumo: list[int]) -> OrderChan
         boosting=of,
         boosting_pair=of,
         sumo_calibrated=of,
+        drawn=of,
     )
 
 

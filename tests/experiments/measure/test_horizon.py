@@ -126,12 +126,13 @@ def test_main_measures_the_shipped_scenes(tmp_path: Path, capsys: pytest.Capture
         policies=("idm", "constant_velocity"),
         order_handed_in=("idm",),
         forecasting=("gap",),
+        patient=("gap",),
         out=tmp_path,
         figure=tmp_path / "a.svg",
     )
     assert main(options) == 0
     results = json.loads((tmp_path / "horizon_development.json").read_text())
-    forecasts = {"gap_most_probable", "gap_mean_over_orders"}
+    forecasts = {"gap_patience_kept", "gap_most_probable", "gap_mean_over_orders"}
     assert set(results["models"]) == {"idm", "constant_velocity", *forecasts}
     assert set(results["order_handed_in"]["models"]) == {"idm"}
     assert results["moments"] > 3

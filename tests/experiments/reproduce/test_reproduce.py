@@ -43,7 +43,7 @@ from tests.support.recordings import on_route, steady, write_recording
 
 MEASURED = (
     *("_horizon", "_order", "_gap_accuracy", "_replay", "_forecast"),
-    *("_maneuvers", "_driven_gain", "_closed_loop", "_places", "_runtime"),
+    *("_perception", "_maneuvers", "_driven_gain", "_closed_loop", "_places", "_runtime"),
 )
 STAGES = ("scenes_bendplatz", "gap", "idm", "rollout_gradient", "ppo", "gail", "forecasts")
 MERITS = {
@@ -119,7 +119,7 @@ def measured(monkeypatch: pytest.MonkeyPatch) -> list[str]:
         def work(self: Measurements, *split: str) -> None:
             done.append("_".join((name, *split)))
             results = {"_gap_accuracy": "gap"} | {
-                one: f"{one[1:]}_validation" for one in ("_maneuvers", "_driven_gain")
+                one: f"{one[1:]}_validation" for one in ("_perception", "_maneuvers", "_driven_gain")
             }
             self._write("_".join((results.get(name, name[1:]), *split)), {})
 

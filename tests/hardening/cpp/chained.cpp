@@ -1,5 +1,6 @@
-// Predicts 5 s of a traffic in 25 cycles, each from the state of the one before, and prints position, speed, delta and
-// hold of everybody still present: chained MAP POLICY TRAFFIC free|kept. kept: the best order is kept to.
+// Predicts 5 s of a traffic in 25 cycles, each from the state of the one before, and prints position, speed, delta,
+// hold and patience of everybody still present: chained MAP POLICY TRAFFIC free|kept|patient|drawn. kept: the best
+// order is kept to; patient: drivers keep their patience; drawn: all have that of the level 0.8.
 #include <cstdio>
 #include <fstream>
 #include <string>
@@ -10,7 +11,9 @@
 using namespace intersection_env;
 
 int main(int, char** arguments) {
-    const Planner planner(Map::read(arguments[1]), Policy::read(arguments[2]));
+    const std::string how = arguments[4];
+    const Planner planner(Map::read(arguments[1]), Policy::read(arguments[2]), 1,
+                          how == "patient" ? std::optional(Patience::kept) : std::nullopt);
     std::vector<Vehicle> vehicles;
     std::ifstream file(arguments[3]);
     std::string id;
@@ -19,7 +22,10 @@ int main(int, char** arguments) {
     }
     Traffic now = traffic_of(planner.map(), vehicles);
     std::vector<std::int8_t> priorities;
-    if (std::string(arguments[4]) == "kept") {
+    if (how == "drawn") {
+        now.patience = planner.patience(now, std::vector<double>(vehicles.size(), 0.8));
+    }
+    if (how == "kept") {
         const Ranking ranking = planner.rank(now);
         priorities.assign(ranking.priorities_of(0).begin(), ranking.priorities_of(0).end());
     }
@@ -29,7 +35,8 @@ int main(int, char** arguments) {
         now = planner.traffic_at(next, 1);
     }
     for (std::size_t i = 0; i < now.route.size(); ++i) {
-        std::printf("%.9g %.9g %d %d\n", now.position[i], now.speed[i], now.delta[i], now.hold[i]);
+        std::printf("%.9g %.9g %d %d %.9g\n", now.position[i], now.speed[i], now.delta[i], now.hold[i],
+                    now.has_patience() ? now.patience[i] : 0.0F);
     }
     return 0;
 }

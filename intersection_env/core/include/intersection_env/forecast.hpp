@@ -44,12 +44,15 @@ OrderProbabilities order_probabilities(const Predictor& predictor, const Traffic
                                        std::span<const std::int8_t> given, const ForecastLimits& limits,
                                        const Kernel& kernel);
 
-// What the order network sees of each pair: (pair, ORDER_INPUTS).
-std::vector<float> observe_orders(const Predictor& predictor, const Traffic& traffic, const Kernel& kernel);
+// What the order network sees of each pair: (pair, ORDER_INPUTS); pairs: find_conflicts of the traffic, which is
+// checked.
+std::vector<float> observe_orders(const Predictor& predictor, const Traffic& traffic, std::span<const Pair> pairs,
+                                  const Kernel& kernel);
 
 // Quantiles of each vehicle's position over time [m]: over the orders, and over what drivers do within one.
 // probability: (order,); position: (order, STEPS + 1, vehicle); levels: from 0 to 1. Returns (level, STEPS + 1,
-// vehicle); nobody is behind where it is now. Throws std::invalid_argument for a level out of range.
+// vehicle); nobody is behind where it is now, no quantile falls back over time, and beyond the end of its route a
+// vehicle has left it. Throws std::invalid_argument for a level out of range.
 std::vector<float> position_quantiles(const Spread& spread, std::span<const double> probability, const float* position,
                                       int vehicles, std::span<const double> levels);
 

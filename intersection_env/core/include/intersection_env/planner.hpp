@@ -53,6 +53,7 @@ struct Prediction {
     std::vector<std::int16_t> hold;            // (scenario, STEPS + 1, vehicle): whom it lets go, as in Traffic
     std::vector<std::int32_t> waited;          // likewise: since its stop; empty where the map has none
     Traffic traffic;                           // what was predicted
+    std::vector<float> patience;               // (vehicle,) what drivers keep, as in Traffic; empty: nothing
 };
 
 // The most probable crossing orders of the next 10 s, and the prediction of each: scenario k is order k.
@@ -66,7 +67,10 @@ class Planner {
   public:
     // threads: how many share a batch of many scenarios, 0: one a core; they do not change what comes out. They help
     // one caller at a time; whoever calls meanwhile works alone.
-    Planner(Map map, Policy policy, int threads = 1);
+    // patience: whether drivers keep the quantile by which they accept gaps; none named: DEFAULT_PATIENCE where a
+    // network decides. Throws std::invalid_argument for a count out of range, or patience kept where no network
+    // decides.
+    Planner(Map map, Policy policy, int threads = 1, std::optional<Patience> patience = {});
 
     const Map& map() const;
     const Policy& policy() const;
@@ -80,10 +84,16 @@ class Planner {
 
     // The traffic at a step, 0 to STEPS, of a predicted scenario: the vehicles then present, in their order, with what
     // they remember. Predicted on, it goes on as the prediction does, and keeps to its order with priorities_at:
-    // (pair,) over find_conflicts of that traffic. Throws
-    // std::invalid_argument for a step or scenario that the prediction does not have.
+    // (pair,) over find_conflicts of that traffic. Throws std::invalid_argument for a step or scenario that the
+    // prediction does not have, and priorities_at where vehicles of one lane have passed through each other, so that
+    // their order cannot be kept to.
     Traffic traffic_at(const Prediction& prediction, int step, int scenario = 0) const;
     std::vector<std::int8_t> priorities_at(const Prediction& prediction, int step, int scenario = 0) const;
+
+    // The patience (vehicle,), as a traffic may hold it, of the driver at each vehicle's level of all that could be in
+    // it; levels: (vehicle,) above 0 and below 1, 0.5 is the median. Throws std::invalid_argument where no network
+    // decides about gaps, or for a level out of range.
+    std::vector<float> patience(const Traffic& traffic, std::span<const double> levels) const;
 
     // given: orders that are sure, as a maneuver imposes them; otherwise as order_probabilities.
     Forecast forecast(const Traffic& traffic, std::span<const std::int8_t> given = {},

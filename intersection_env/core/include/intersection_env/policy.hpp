@@ -89,6 +89,10 @@ struct ForecastModel {
 
 enum class Gap : std::uint8_t { critical_gap, sumo, network };
 enum class Driver : std::uint8_t { idm, constant_velocity, network };
+// Whether a driver keeps the quantile by which it accepts gaps through a prediction, or is the median driver anew at
+// each step (the paper's).
+enum class Patience : std::uint8_t { none, kept };
+constexpr Patience DEFAULT_PATIENCE = Patience::none; // where a network decides about gaps
 
 constexpr float NO_CURVES = 1000.0F; // [m/s²], a lateral acceleration at which no curve slows anybody
 
@@ -123,5 +127,6 @@ struct Policy {
 // Throws std::invalid_argument for a name that is none.
 Gap gap_named(std::string_view name);
 Driver driver_named(std::string_view name);
+Patience patience_named(std::string_view name);
 
 } // namespace intersection_env

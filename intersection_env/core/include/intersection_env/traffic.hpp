@@ -28,10 +28,14 @@ struct Traffic {
     std::vector<std::int16_t> hold{};
     // For how many steps each vehicle has stopped at its line or gone on from there; 0: not yet. Empty: nobody has.
     std::vector<std::int32_t> waited{};
+    // The logit that the gap network's must exceed before this driver accepts a gap: 0 for the median
+    // driver. Empty: docs/model.md, "Patience".
+    std::vector<float> patience{};
 
     int count() const { return static_cast<int>(route.size()); }
     bool has_memories() const { return !hold.empty(); }
     std::int32_t steps_waited(int i) const { return waited.empty() ? 0 : waited[static_cast<std::size_t>(i)]; }
+    bool has_patience() const { return !patience.empty(); }
     float front(int i) const {
         return position[static_cast<std::size_t>(i)] + 0.5F * length[static_cast<std::size_t>(i)];
     }

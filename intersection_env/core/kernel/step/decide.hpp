@@ -11,8 +11,15 @@ constexpr float CRITICAL_GAP_CROSSING = 6.0F, CRITICAL_GAP_MERGING = 4.0F; // [s
 constexpr float LEAST_FOE_SPEED = 1.0F; // [m/s], ours: a standing foe may start at any moment
 constexpr float SUMO_TIME_GAP = 1.0F;   // [s], SUMO's jmTimegapMinor
 
-// Mask: the yielder accepts the gap to the prioritized vehicle.
-inline Ints accepts_gap(Gap gap, const GapNetwork* network, const Encounter& e) {
+// The gap network's logit of accepting the gap.
+inline Floats gap_logit(const GapNetwork& network, const Encounter& e) {
+    Floats input[GAP_INPUTS];
+    gap_features(e, input);
+    return evaluate(network, input, LeakyRelu{});
+}
+
+// Mask: the yielder accepts the gap to the prioritized vehicle. patience: what the network's logit must exceed.
+inline Ints accepts_gap(Gap gap, const GapNetwork* network, const Encounter& e, Floats patience = Floats{}) {
     if (gap == Gap::critical_gap) {
         const Floats critical = e.merging ? all(CRITICAL_GAP_MERGING) : all(CRITICAL_GAP_CROSSING);
         return e.foe_distance_to_line > critical * most(e.foe_speed, all(LEAST_FOE_SPEED));
@@ -23,9 +30,7 @@ inline Ints accepts_gap(Gap gap, const GapNetwork* network, const Encounter& e) 
         const Floats foe_leaves = e.foe_distance_to_clear / e.foe_v_max;
         return (foe_arrives > leaves + SUMO_TIME_GAP) | (foe_leaves < e.distance_to_stop_line / e.v_max);
     }
-    Floats input[GAP_INPUTS];
-    gap_features(e, input);
-    return evaluate(*network, input, LeakyRelu{}) > 0.0F;
+    return gap_logit(*network, e) > patience;
 }
 
 // Mask: the vehicle has decided to enter and can no longer stop, whatever its pairs say.
