@@ -34,4 +34,4 @@ def position_quantiles(scale: Floats, shape: Floats, probability: Floats, positi
             up_to = np.cumsum(weight)
             for number, level in enumerate(levels):
                 result[number, step, i] = place[np.flatnonzero(up_to >= level * up_to[-1] * (1.0 - 1e-12))[0]]
-    return np.maximum.accumulate(result, axis=1)
+    return result

@@ -77,11 +77,7 @@ std::vector<float> position_quantiles(const Spread& spread, std::span<const doub
                 while (k + 1 < places.size() && (below += places[k].second) < levels[l] * sum) {
                     ++k;
                 }
-                float& quantile = quantiles[l * scenario + at(step) * frame + i];
-                quantile = places.empty() ? 0.0F : places[k].first;
-                if (step > 0) { // nobody drives backwards, so what is surely passed stays so
-                    quantile = std::max(quantile, quantiles[l * scenario + at(step - 1) * frame + i]);
-                }
+                quantiles[l * scenario + at(step) * frame + i] = places.empty() ? 0.0F : places[k].first;
             }
         }
     }

@@ -97,7 +97,7 @@ def small(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.usefixtures("small")
 def test_the_bench_of_the_predictor_fills_the_readmes_block(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     out = tmp_path / "bench.json"
-    out.write_text(json.dumps({"environments": {"kept": 1}, "floor_us": "old"}))
+    out.write_text(json.dumps({"environments": {"kept": 1}, "forecast": None, "floor_us": "old"}))
     monkeypatch.setattr("sys.argv", ["bench", "--part", "predictor", "--quick", "--out", str(out)])
     bench.main()
     results: dict[str, Any] = json.loads(out.read_text())

@@ -51,8 +51,9 @@ std::vector<float> observe_orders(const Predictor& predictor, const Traffic& tra
 
 // Quantiles of each vehicle's position over time [m]: over the orders, and over what drivers do within one.
 // probability: (order,); position: (order, STEPS + 1, vehicle); levels: from 0 to 1. Returns (level, STEPS + 1,
-// vehicle); nobody is behind where it is now, no quantile falls back over time, and beyond the end of its route a
-// vehicle has left it. Throws std::invalid_argument for a level out of range.
+// vehicle), every step by itself: nobody is behind where it is now, but a low quantile may fall back from one step to
+// the next, and beyond the end of its route a vehicle has left it. Throws std::invalid_argument for a level out of
+// range.
 std::vector<float> position_quantiles(const Spread& spread, std::span<const double> probability, const float* position,
                                       int vehicles, std::span<const double> levels);
 
