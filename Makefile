@@ -13,7 +13,7 @@ MAP ?=
 MAPS := $(if $(MAP),--map $(MAP))
 SEEDS ?= 0 1 2
 
-.PHONY: demo setup check test harden bench reproduce ablations real train gap maps recordings recorded statistics pages format clean
+.PHONY: demo setup check test harden clients bench reproduce ablations real train gap maps recordings recorded statistics pages format clean
 
 demo: $(VENV)/.package
 	$(RUN) -m experiments.demo --recordings $(RECORDINGS) $(if $(MAP),--map $(firstword $(MAP)))
@@ -32,6 +32,10 @@ test: setup
 # The core made to fail: sanitizers, fuzzers, valgrind, clang, ARM64, a long soak; trainings shared by Ray; obedience.
 harden: setup
 	bash .ci/harden
+
+# The examples that learn with other libraries, each in an environment of its own (out/clients), which takes a while.
+clients: setup
+	$(RUN) -m tests.clients $(CLIENTS)
 
 bench: $(VENV)/.bench
 	$(RUN) -m experiments.bench

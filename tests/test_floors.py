@@ -35,7 +35,7 @@ FLOORS = {
         ("envs",),
         ("__init__", "map_compiler"),
     ),
-    "data": (("recording",), ("formats", "pipeline", "sumo"), ("build", "describe", "maps"), ("align",)),
+    "data": (("recording",), ("formats", "pipeline", "sumo"), ("build", "describe", "maps", "minari"), ("align",)),
     "agents": (("networks", "training"), ("rollouts",), ("gap", "idm", "orders", "ppo")),
     "imitation": (
         ("tracks", "discriminator", "cloning", "empty_road_states", "map_tables", "torch_networks"),
@@ -72,6 +72,7 @@ COMMANDS = (
     "driven_gain",
     "forecast",
     "closed_loop",
+    "returns",
     "runtime",
     "sumo_predictor",
     "real",
