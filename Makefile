@@ -13,7 +13,7 @@ MAP ?=
 MAPS := $(if $(MAP),--map $(MAP))
 SEEDS ?= 0 1 2
 
-.PHONY: help versions demo setup check test harden bench reproduce ablations real train gap maps recordings recorded statistics pages format clean
+.PHONY: help versions demo setup check test harden clients bench reproduce ablations real train gap maps recordings recorded statistics pages format clean
 
 help: ## these lines
 	@sed -nE 's/^([a-z]+):.*## (.*)/\1\t\2/p' $(MAKEFILE_LIST) | expand -t 14
@@ -38,6 +38,10 @@ harden: setup ## sanitizers, fuzzing, valgrind, other compilers; needs more pack
 
 versions: $(VENV)/.tools ## the wheel with the lowest and the newest versions of what it needs, in environments of their own
 	bash .ci/versions
+
+# The examples that learn with other libraries, each in an environment of its own (out/clients), which takes a while.
+clients: setup ## runs the examples with other libraries, each in an environment of its own
+	$(RUN) -m tests.clients $(CLIENTS)
 
 bench: $(VENV)/.bench ## times predictor, environments and training beside others' work
 	$(RUN) -m experiments.bench

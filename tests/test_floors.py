@@ -36,7 +36,7 @@ FLOORS = {
         ("__init__", "map_compiler"),
         ("__main__",),
     ),
-    "data": (("recording",), ("formats", "pipeline", "sumo"), ("build", "describe", "maps"), ("align",)),
+    "data": (("recording",), ("formats", "pipeline", "sumo"), ("build", "describe", "maps", "minari"), ("align",)),
     "agents": (("networks", "training"), ("rollouts",), ("export", "gap", "idm", "orders", "ppo")),
     "imitation": (
         ("tracks", "discriminator", "cloning", "empty_road_states", "map_tables", "torch_networks"),
@@ -75,6 +75,7 @@ COMMANDS = (
     "driven_gain",
     "forecast",
     "closed_loop",
+    "returns",
     "runtime",
     "sumo_predictor",
     "real",

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from experiments.documentation.features import figure
+from experiments.documentation.learning import learning_section
 from experiments.documentation.results import ROOT
 from intersection_env import ClosedLoop, ClosedLoopWorlds, Replay, ReplayVector, ReplayWorlds, parallel_env
 from intersection_env.command import run_command
@@ -41,6 +42,10 @@ Made from the docstrings by `make pages`; `help(intersection_env.ClosedLoop)` sa
 | id | `intersection_env/ClosedLoop-v0` | `intersection_env/Replay-v0` |
 | in batches | [ClosedLoopWorlds](#closedloopworlds) | [ReplayVector](#replayvector), [ReplayWorlds](#replayworlds) |
 | in TorchRL, from a checkout | `agents.rollouts.envs.ClosedLoopEnv` | `agents.rollouts.envs.ReplayEnv` |
+| variants, baselines | [with an id](#environments-with-an-id) | [with an id](#environments-with-an-id) |
+
+[Your own reward or observation](#a-reward-or-an-observation-of-your-own);
+[Stable-Baselines3, TorchRL, RLlib and others](#with-a-library).
 
 Both pay [the same reward](#the-reward). What a network sees, who leads, who accepts a gap and what a step does are the
 same functions of the core in the predictor, in the closed loop and in the replay. From a checkout, `agents/rollouts/`
@@ -75,6 +80,7 @@ def page() -> str:
     parts.append(f"## Batched worlds\n\n{_text(worlds)}\n\n{BATCH}\n")
     for batched in (ClosedLoopWorlds, ReplayWorlds):
         parts.append(f"### {batched.__name__}\n\n{_attributes(_text(batched))}\n")
+    parts.append(learning_section())
     return "\n".join(parts)
 
 
