@@ -73,7 +73,9 @@ class Prediction:
     def traffic_at(self, time: float, scenario: int = 0) -> Traffic:
         """The vehicles still present at a time, with what they remember: predicted on, it goes on as this prediction.
 
-        Without priorities that holds to the byte; to keep to a scenario's order, predict with `priorities_at`.
+        Without priorities that holds to the byte; to keep to a scenario's order, predict with `priorities_at`. With
+        those it holds unless they imply more by then: who could not stop at first may be able to later, and then waits
+        behind whoever was told to wait ahead of it.
 
         Args:
             time: [s] from now, one of `time`.
@@ -232,8 +234,8 @@ class Predictor:
         with naming(traffic.ids):
             bound = self.bound_to(traffic.intersection)
             results = bound.predict(traffic.core, assignments, trajectories, True)
-        (*moving, time_loss, minimum_distance, hold, completed, waited, patience) = results
-        position, speed, acceleration, enters, present = moving
+        position, speed, acceleration, enters, present, *_ = results
+        *_, time_loss, minimum_distance, hold, completed, waited, patience = results
         if not trajectories:
             return Summary(traffic, time_loss, minimum_distance)
         time = np.arange(STEPS + 1, dtype=np.float32) * np.float32(DT)

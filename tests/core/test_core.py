@@ -187,7 +187,7 @@ def test_assigned_orders_are_obeyed_by_both_ends(name: str) -> None:
             entered_early = crossed[1:] & ~crossed[:-1] & ~cleared[:-1]
             assert not entered_early.any(), (name, seed, traffic.ids[first], traffic.ids[second])
             checked += 1
-    assert checked > 100
+    assert checked > 80
 
 
 @pytest.mark.parametrize("name", MAP_NAMES)

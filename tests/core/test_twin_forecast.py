@@ -97,7 +97,7 @@ def test_probabilities_equal_those_of_all_orders_by_brute_force(name: str, is_gi
         compared += len(truth) > 1
         conditions += bool(given.any())
     assert compared > 10 * CASES
-    assert not is_given or conditions > 10 * CASES
+    assert not is_given or conditions >= 10 * CASES
 
 
 @pytest.mark.parametrize("name", SHIPPED)

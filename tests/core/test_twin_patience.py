@@ -68,7 +68,10 @@ def test_core_decides_by_patience_as_its_twin(name: str, drawn: bool) -> None:
         anew = Predictor(predictor.policy, "random", patience="none").predict(traffic)
         moved += bool((found.enters != anew.enters).any())
     assert same >= cases - 2
-    assert moved >= 2, "patience changes something"
+    if name == "all_way_stop":  # who arrived first goes first: nobody judges a gap
+        assert moved == 0
+    else:
+        assert moved >= 2, "patience changes something"
 
 
 def test_who_waits_is_the_median_of_those_who_refuse() -> None:

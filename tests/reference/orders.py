@@ -100,8 +100,11 @@ def complete(intersection: Map, traffic: Traffic, assignments: Integers, memory:
     committed = settled(intersection, traffic, memory)
     is_fixed = [bool(committed[i] and committed[j]) for i, j in pairs]
     signs = [int(given) if fixed else sign for given, sign, fixed in zip(assignments, closed, is_fixed, strict=True)]
-    for before, after in oriented(pairs, signs):
-        conflict = conflict_of(intersection, traffic, before, after)  # where the yielder goes first
-        if committed[after] and not (conflict is not None and traffic.position[before] >= conflict.end_yielder):
+    for (i, j), sign in zip(pairs, signs, strict=True):
+        before, after = (i, j) if sign == 1 else (j, i)
+        conflict = conflict_of(intersection, traffic, i, j)
+        assert conflict is not None
+        has_left = sign == 1 and traffic.position[i] >= conflict.end_yielder
+        if sign != 0 and committed[after] and not has_left:
             raise ValueError(f"assignments: {after} can no longer stop for {before}")
     return np.array(signs, dtype=np.int64)
