@@ -33,7 +33,7 @@ def perception_text(results: Json) -> str:
     """Both tables, with what they are of."""
     return (
         f"{results['moments']} moments of {results['recordings']} recordings, policy {results['policy']}; each errs"
-        f" once. *Knows of it*: the forecast is the average over {results['draws']} traffics drawn around what was"
+        f" once.\n*Knows of it*: the forecast is the average over {results['draws']} traffics drawn around what was"
         f" seen.\n\n{forecasts_table(results)}\n\n{choices_table(results)}"
     )
 
