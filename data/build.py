@@ -23,7 +23,7 @@ from data.pipeline.split import split_of
 from intersection_env.command import run_command
 from intersection_env.constants import DT
 from intersection_env.files import check_writable
-from intersection_env.maps.intersection import Intersection, shipped_maps
+from intersection_env.maps.intersection import Intersection, recorded_maps
 from intersection_env.scenes.scene import SPLITS, Scene
 from intersection_env.scenes.scenes import Scenes
 
@@ -102,7 +102,7 @@ def maps_of(folder: Path, maps: Sequence[str | Path] = ()) -> tuple[Intersection
         ValueError: a map is damaged, none of the recordings lies on one, or two maps have one name.
         OSError: a map's file cannot be read.
     """
-    found = tuple(Intersection.load(name) for name in maps or shipped_maps())
+    found = tuple(Intersection.load(name) for name in maps or recorded_maps())
     names = [one.name for one in found]
     twice = [name for name in names if names.count(name) > 1]
     if twice:

@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from intersection_env import Replay, Scenes
+from intersection_env.command import run_command
 from intersection_env.constants import ACCELERATION
 from intersection_env.scenes.scene import SPLITS
 from intersection_env.worlds.replay import ReplayWorlds
@@ -139,4 +140,4 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    run_command(main)

@@ -1,10 +1,9 @@
 """The command `python -m experiments.perception`; the work is in `experiments/measure/perception.py`."""
 
-import sys
-
 import tyro
 
 from experiments.measure.perception import Options, main
+from intersection_env.command import run_command
 
 if __name__ == "__main__":
-    sys.exit(main(tyro.cli(Options, prog="python -m experiments.perception")))
+    run_command(lambda: main(tyro.cli(Options, prog="python -m experiments.perception")))

@@ -10,13 +10,13 @@ from numpy.typing import NDArray
 
 from imitation.expert import expert_steps
 from intersection_env.constants import DT, STEPS
-from intersection_env.evaluation.empty_road import free_drive
+from intersection_env.evaluation.empty_road import alone, free_drive
 from intersection_env.evaluation.moments import Moment
 from intersection_env.features import Driving
 from intersection_env.maps.intersection import Route, Sample
 from intersection_env.prediction.predictor import Predictor
 from intersection_env.scenes.scenes import Scenes
-from intersection_env.traffic import Traffic, Vehicle
+from intersection_env.traffic import Traffic
 
 LEAST_STEPS = 5  # what is known for less than 1 s says nothing
 STRETCH, FREE_ROAD = 2.0, 40.0  # [m], of a route; and to the lead of whoever drives freely
@@ -78,11 +78,11 @@ def free_examples(
         place = float(generator.uniform(max(begin, 0.0), min(end, route.length)))
         allowed = float(intersection.sample(route.index, np.array([place], np.float32))[0, Sample.V_MAX])
         speed = allowed * max(float(generator.uniform(-0.25, 1.0)), 0.0)
-        alone = Traffic.of(intersection, [Vehicle("alone", route.id, place, speed)])
+        start = alone(intersection, route, place, speed)
         position, speeds = _driven(place, speed, profile, teacher.policy.idm.acceleration)
         scored = position < route.length
         if scored.sum() > LEAST_STEPS:
-            found.append(Example(alone, position[:, None], speeds[:, None], scored[:, None]))
+            found.append(Example(start, position[:, None], speeds[:, None], scored[:, None]))
     return found
 
 

@@ -52,11 +52,15 @@ class MapTables:
         """The tables of some maps, each once.
 
         Raises:
-            ValueError: a map with an all-way stop, of which the model in torch knows nothing.
+            ValueError: a map with an all-way stop, or a roundabout, in which two routes yield to each other: of these
+                the model in torch knows nothing.
         """
         for one in maps:
             if any(conflict.by_arrival for conflict in one.conflicts):
                 raise ValueError(f'map "{one.name}" has an all-way stop, which the model in torch does not know')
+            ways = {(conflict.yielder, conflict.prioritized) for conflict in one.conflicts}
+            if any((second, first) in ways for first, second in ways):
+                raise ValueError(f'map "{one.name}" has a roundabout, which the model in torch does not know')
         cores = [one.core for one in maps]
         counts = [len(core.routes) for core in cores]
         begins = [0, *np.cumsum(counts).tolist()]

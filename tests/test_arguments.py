@@ -15,7 +15,7 @@ from intersection_env.policies.named import gap_decider
 from intersection_env.traffic import Traffic, Vehicle
 
 LOADERS: dict[str, tuple[Callable[[Any], Any], str]] = {
-    "map": (Intersection.load, "bendplatz, crossroads, t_junction"),
+    "map": (Intersection.load, "all_way_stop, bendplatz, crossroads, roundabout, t_junction"),
     "policy": (Predictor.load, "idm_calibrated, ppo, rollout_gradient, idm, constant_velocity"),
     "scenes": (Scenes.load, "bendplatz, crossroads, t_junction"),
     "gap": (gap_decider, "critical_gap, sumo, gail, gap"),

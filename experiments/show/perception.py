@@ -105,6 +105,7 @@ def _draw(axes: Axes, sizes: Sequence[Json], key: str, which: str) -> None:
     of = [one for one in sizes if _is_of(one, which)]
     for name, style, said in ((UNAWARE, "-", "knows of nothing"), (AWARE, "--", "knows of it")):
         rows = [(max(one["position"], one["speed"]), one.get(name, one[UNAWARE])[key]) for one in of]
+        rows = [(place, row) for place, row in rows if row is not None]
         places = [place for place, _ in rows]
         axes.plot(
             places,

@@ -92,7 +92,7 @@ def _starts(intersection: Intersection, route: Route) -> Iterator[tuple[float, f
             yield from ((place, share * allowed) for share in SPEEDS)
 
 
-def _alone(intersection: Intersection, route: Route, position: float, speed: float) -> Traffic:
+def alone(intersection: Intersection, route: Route, position: float, speed: float) -> Traffic:
     """One car; it has made its stop already, where one is to be made, as a stop is no standing on an empty road."""
     traffic = Traffic.of(intersection, [Vehicle("alone", route.id, position, speed)])
     if not route.must_stop:
@@ -105,7 +105,7 @@ def _after_10_s(
     predictor: Predictor, intersection: Intersection, route: Route, position: float, speed: float
 ) -> tuple[float, float, bool]:
     """Position, speed and whether the car is still on the map; it is where it left if not."""
-    found = predictor.predict(_alone(intersection, route, position, speed))
+    found = predictor.predict(alone(intersection, route, position, speed))
     return float(found.position[0, -1, 0]), float(found.speed[0, -1, 0]), bool(found.present[0, -1, 0])
 
 
@@ -113,7 +113,7 @@ def free_drive(predictor: Predictor, intersection: Intersection, route: Route) -
     """Positions [m] and speeds [m/s] of a car that drives alone over a whole route, as fast as is allowed at first."""
     positions, speeds = [np.zeros(1, np.float32)], [route.samples[:1, Sample.V_MAX]]
     while True:
-        begin = _alone(intersection, route, float(positions[-1][-1]), float(speeds[-1][-1]))
+        begin = alone(intersection, route, float(positions[-1][-1]), float(speeds[-1][-1]))
         found = predictor.predict(begin)
         inside = np.flatnonzero(found.present[0, 1:, 0]) + 1
         positions.append(found.position[0, inside, 0])

@@ -30,7 +30,7 @@ def test_validation_run_is_what_steps_by_hand_give() -> None:
         ends.append(by_hand.terminated.copy())
     run = validation_run(policy, gap="critical_gap", seed=8, worlds=count, steps=steps, vehicles=5)
     reward, ended = np.stack(rewards), np.stack(ends)
-    assert ended.sum() > 2
+    assert ended.sum() > 1
     assert (reward[ended] < -0.9 * COLLISION).all()
     assert run.reward == pytest.approx(reward.mean(), rel=1e-3)
     assert run.reward_between_collisions == pytest.approx(reward[~ended].mean(), rel=1e-3)

@@ -12,10 +12,10 @@ import pytest
 from tests.support.paths import PACKAGE
 
 ROOMS = {
-    "maps": "curve source meeting compiler intersection outline __main__",
+    "maps": "curve source meeting route shared right_of_way conflicts compiler intersection limits outline __main__",
     "plots": "files colours lanes map_labels map_plot prediction_plot forecast_plot animation __main__",
     "render": "snapshot camera ink road_layer traffic_layer renderer of_worlds",
-    "envs": "actions spaces view closed_loop replay replay_vector",
+    "envs": "actions spaces view central_state spec closed_loop replay replay_vector variants",
 }
 """From the ground up: each file may import, early or late, those that stand before it."""
 NO_PICTURE = ("matplotlib", "pandas", "torch", "intersection_env.plots")

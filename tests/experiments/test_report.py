@@ -431,7 +431,7 @@ class Page(HTMLParser):
 
 def test_page_needs_no_other_file_and_its_pictures_do_not_share_ids(folder: Path) -> None:
     page = Page((folder / "report.html").read_text(encoding="utf-8"))
-    assert page.tags["svg"] == page.tags["figure"] == 5
+    assert page.tags["svg"] == page.tags["figure"] == 6
     assert not page.tags["img"] + page.tags["script"] + page.tags["link"]
     assert [id for id, count in page.ids.items() if count > 1] == []
     assert len(page.links) > 100
@@ -453,7 +453,7 @@ def test_page_and_markdown_say_the_same(folder: Path) -> None:
 def test_pictures_lie_beside_the_markdown_and_fit_a_paper(folder: Path) -> None:
     text = (folder / "report.md").read_text(encoding="utf-8")
     pictures = [folder / name for name in re.findall(r"!\[[^\]]+\]\(([^)]+)\)", text)]
-    assert len(pictures) == 5
+    assert len(pictures) == 6
     for picture in pictures:
         assert picture.read_text(encoding="utf-8").startswith("<?xml")
         pdf = picture.with_suffix(".pdf").read_bytes()
@@ -464,7 +464,7 @@ def test_pictures_lie_beside_the_markdown_and_fit_a_paper(folder: Path) -> None:
 
 def test_report_is_the_same_bytes_each_time(folder: Path) -> None:
     before = contents(folder)
-    assert len(before) == len(MEASURED) + 3 + 10
+    assert len(before) == len(MEASURED) + 3 + 12
     write_report(folder)
     after = contents(folder)
     assert {name for name in after if before.get(name) != after[name]} == set()

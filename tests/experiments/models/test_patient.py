@@ -13,9 +13,9 @@ BENDPLATZ = Intersection.load("bendplatz")
 
 
 def one_pair(before: float) -> Traffic:
-    """The yielder stands at its line; the other is so far before its own."""
+    """The yielder comes to its line; the other is so far before its own."""
     own, other = (BENDPLATZ.routes[BENDPLATZ.route_index(name)].stop_line for name in ("SW-NE", "SE-NW"))
-    vehicles = [Vehicle("waits", "SW-NE", own - 3.0, 0.0), Vehicle("comes", "SE-NW", other - before, 11.0)]
+    vehicles = [Vehicle("waits", "SW-NE", own - 15.0, 6.0), Vehicle("comes", "SE-NW", other - before, 11.0)]
     return Traffic.of(BENDPLATZ, vehicles)
 
 
@@ -36,6 +36,6 @@ def test_draws_repeat_and_say_what_is_sure_where_it_is() -> None:
 
 def test_the_farther_the_other_is_the_more_drivers_go_first() -> None:
     predictor = Predictor.load("gap")
-    chances = [float(drawn_yielder_first(predictor, one_pair(before), draws=16)[0]) for before in (5.0, 60.0)]
+    chances = [float(drawn_yielder_first(predictor, one_pair(before), draws=16)[0]) for before in (5.0, 90.0)]
     assert chances[0] < 0.1
     assert chances[0] < chances[1]

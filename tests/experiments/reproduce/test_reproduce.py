@@ -188,7 +188,7 @@ def test_bad_recordings_are_named_before_anything_is_trained(
 @pytest.mark.parametrize(
     ("change", "said"),
     [
-        ({"map": ("nowhere",)}, 'no map "nowhere" ships (there are bendplatz, crossroads, t_junction)'),
+        ({"map": ("nowhere",)}, 'no map "nowhere" ships (there are all_way_stop, bendplatz, crossroads,'),
         ({"map": ("bendplatz", "t_junction")}, 'map "t_junction": no recording in'),
         ({"map": ("bendplatz", "intersection_env/maps/bendplatz.json")}, 'two maps are called "bendplatz"'),
         ({"seeds": ()}, "--seeds names no seed"),
