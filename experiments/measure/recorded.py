@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -25,6 +26,7 @@ def places_of(scenes: Sequence[Path], maps: Sequence[str], split: str) -> tuple[
     if len(recordings) == 1:
         print(
             f'{names}: of split "{split}" there is one recording ({min(recordings)}); intervals are over recordings,'
-            " and have no width here"
+            " and have no width here",
+            file=sys.stderr,
         )
     return places

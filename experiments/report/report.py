@@ -48,6 +48,8 @@ Json = Mapping[str, Any]
 
 DRIVERS = ("ppo", "gail", "rollout_gradient")
 """Whose accelerations are drawn."""
+NOT_DRAWN = ("idm_critical_gap", "rollout_gradient_patience_kept")
+"""Over the horizon: lines that would lie on others."""
 
 
 def write_report(out: Path) -> None:
@@ -75,7 +77,7 @@ def write_report(out: Path) -> None:
 
 def _figures(results: Json) -> dict[str, Figure]:
     horizon, run = results["horizon_validation"], results["closed_loop"]
-    drawn = {one: name for one, name in NAMES.items() if one in horizon["models"] and one != "idm_critical_gap"}
+    drawn = {one: name for one, name in NAMES.items() if one in horizon["models"] and one not in NOT_DRAWN}
     return {
         "horizon": plot_errors(horizon, drawn),
         "runtime": plot_runtimes(results["runtime"]),

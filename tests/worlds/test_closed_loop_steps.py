@@ -182,7 +182,7 @@ def test_permuting_vehicles_permutes_what_they_see_and_get() -> None:
         traffic = reference.Traffic(*(getattr(state.traffic, name)[order] for name in ("route", *FLOATS)))
         loop = closed_loop("bendplatz", 2, 9)
         loop.reset(0, False)
-        loop.set_state(core_of([state, State(traffic, state.delta[order], state.hold[order])]))
+        loop.set_state(core_of([state, State(traffic, state.delta[order], state.hold[order], state.waited[order])]))
         action = generator.uniform(-1, 1, 9).astype(np.float32)
         loop.action[:] = np.array([action, action[order]])
         loop.step()

@@ -51,7 +51,7 @@ def test_recorded_vehicle_that_was_held_does_not_hold_the_acting_one(waited: boo
     route = {one.id: one for one in twin_map(name).routes}
     foe = driven(name, "SW-NE", route["SW-NE"].stop_line - 3, [0.0] * 10 + [5.0 if not waited else 0.0] * 50)
     far = driven(name, "SE-NW", route["SE-NW"].stop_line - 2 - 80, 10.0)
-    actor = driven(name, "NE-SE", route["NE-SE"].stop_line - 22, 4.0)
+    actor = driven(name, "NE-SE", route["NE-SE"].stop_line - 4, 0.0)  # it has made its stop
     seen = go(hand(actor, foe, far, decisions="critical_gap", name=name), 4)
     assert column(seen, Driving.ENTERS).tolist() == [float(waited)] * 4
 

@@ -167,7 +167,8 @@ def test_no_moment_to_predict_from_is_an_error(tmp_path: Path, capsys: pytest.Ca
     scenes = Scenes.load("bendplatz")
     replace(scenes, scenes=()).save(tmp_path / "scenes.npz")
     assert main(Options((tmp_path / "scenes.npz",), policies=("idm",), out=tmp_path)) == 1
-    assert "no moments" in capsys.readouterr().err
+    assert 'no scene of split "development"' in capsys.readouterr().err
+    replace(scenes, scenes=scenes.select("development").scenes[:1]).save(tmp_path / "scenes.npz")
     assert main(Options((tmp_path / "scenes.npz",), policies=("hero",), out=tmp_path)) == 1
     assert 'no policy "hero"' in capsys.readouterr().err
 

@@ -114,7 +114,7 @@ def test_results_at_all_cooperating_are_those_of_the_ranking(gap: Predictor, mom
 def test_gain_is_never_negative_even_where_no_order_is_as_good_as_none(gap: Predictor, moments: list[Moment]) -> None:
     results = maneuver_results(gap, moments, seed=1)
     assert all(one["mean_gain"]["low"] >= 0.0 for one in results["shares"])
-    traffic, _ = random_case("bendplatz", 91_066)
+    traffic, _ = random_case("bendplatz", 91_211)
     plain = Predictor(replace(gap.policy, order_network=None, spread=None), "plain")
     ranked = rank_maneuvers(plain, traffic)
     assert ranked.safe.iloc[0]

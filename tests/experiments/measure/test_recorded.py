@@ -25,6 +25,6 @@ def test_one_recording_is_said_to_give_intervals_without_a_width(
     path = tmp_path / "small.npz"
     small_scenes("development", each=1).save(path)
     places_of((path,), (), "development")
-    assert "there is one recording (12); intervals are over recordings, and have no width" in capsys.readouterr().out
+    assert "there is one recording (12); intervals are over recordings, and have no width" in capsys.readouterr().err
     places_of((Path("bendplatz"),), (), "development")
-    assert capsys.readouterr().out == ""
+    assert capsys.readouterr().err == ""
