@@ -136,6 +136,8 @@ def main(options: Options) -> int:
     """Measures as told, prints the table, writes the results; returns the exit status."""
     torch.set_num_threads(1)  # such small networks gain nothing from more
     try:
+        if len(options.scenes) == 1:
+            check_outputs(options.out / "closed_loop.json", options.figure)
         places = places_of(options.scenes, options.map, options.split)
         if options.figure and len(places) > 1:
             raise ValueError("--figure shows one place, and there are several --scenes; leave one of them out")
