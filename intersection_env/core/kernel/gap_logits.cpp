@@ -19,7 +19,7 @@ void gap_logits(const Problem& problem, float* logits) {
             lanes_at(p.yielder_end + first) - (of(p.position, p.yielder) - lanes_at(p.yielder_half_length + first));
         met.speed = of(p.speed, p.yielder);
         met.foe_distance_to_line = lanes_at(p.prioritized_line + first) -
-                                        (of(p.position, p.prioritized) + lanes_at(p.prioritized_half_length + first));
+                                   (of(p.position, p.prioritized) + lanes_at(p.prioritized_half_length + first));
         met.foe_speed = of(p.speed, p.prioritized);
         const Floats found = gap_logit(*problem.gap_network, met);
         for (long l = 0; l < WIDTH && first + l < problem.pair_count; ++l) {
