@@ -27,7 +27,8 @@ class MapTables:
         lane that they share: once that one's front is beyond its begin, and until one of their rears is at its end, on
         the row's route, that one's position being more by the offset [m].
     on_yielder, on_prioritized: (2, route, route) [m], begin and end of the conflict in which the row's route yields to
-        the column's, on the one and on the other; `NOWHERE` where they have none.
+        the column's, on the one and on the other; `NOWHERE` where they have none. beyond_line: (route, route) [m], by
+        how much its line is beyond the stop line of the one that has priority.
     """
 
     begin: dict[str, int]
@@ -42,6 +43,7 @@ class MapTables:
     offset: Tensor
     on_yielder: Tensor
     on_prioritized: Tensor
+    beyond_line: Tensor
     _first: Tensor
     _last: Tensor
     _samples: Tensor
@@ -52,15 +54,11 @@ class MapTables:
         """The tables of some maps, each once.
 
         Raises:
-            ValueError: a map with an all-way stop, or a roundabout, in which two routes yield to each other: of these
-                the model in torch knows nothing.
+            ValueError: a map with an all-way stop, of which the model in torch knows nothing.
         """
         for one in maps:
             if any(conflict.by_arrival for conflict in one.conflicts):
                 raise ValueError(f'map "{one.name}" has an all-way stop, which the model in torch does not know')
-            ways = {(conflict.yielder, conflict.prioritized) for conflict in one.conflicts}
-            if any((second, first) in ways for first, second in ways):
-                raise ValueError(f'map "{one.name}" has a roundabout, which the model in torch does not know')
         cores = [one.core for one in maps]
         counts = [len(core.routes) for core in cores]
         begins = [0, *np.cumsum(counts).tolist()]
@@ -126,8 +124,10 @@ def _following(cores: Sequence[_core.Map], begins: Sequence[int]) -> dict[str, T
 
 def _conflicts(cores: Sequence[_core.Map], begins: Sequence[int]) -> dict[str, Tensor]:
     on_yielder, on_prioritized = torch.full((2, 2, begins[-1], begins[-1]), NOWHERE)
+    beyond_line = torch.zeros(begins[-1], begins[-1])
     for core, begin in zip(cores, begins, strict=False):
-        for yielder, prioritized, _, _, *ends, _ in core.conflicts:
+        for yielder, prioritized, _, _, *ends, line in core.conflicts:
             i, j = begin + yielder, begin + prioritized
             on_yielder[:, i, j], on_prioritized[:, i, j] = torch.tensor(ends).view(2, 2)
-    return {"on_yielder": on_yielder, "on_prioritized": on_prioritized}
+            beyond_line[i, j] = line - core.routes[prioritized].stop_line
+    return {"on_yielder": on_yielder, "on_prioritized": on_prioritized, "beyond_line": beyond_line}

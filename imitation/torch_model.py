@@ -144,6 +144,7 @@ class TorchPredictor:
         self.end_i, self.end_j = (
             table[1, yielder, prioritized] for table in (tables.on_yielder, tables.on_prioritized)
         )
+        self.beyond_line = tables.beyond_line[yielder, prioritized]
         self.yielder_number = tables.number[yielder]
 
     @classmethod
@@ -211,7 +212,7 @@ class TorchPredictor:
         gap = (
             self.end_i - seen.rear.gather(-1, i),
             view.speed.gather(-1, i),
-            view.to_line.gather(-1, j),
+            view.to_line.gather(-1, j) + self.beyond_line,
             view.speed.gather(-1, j),
         )
         settled = delta & (view.to_line < view.speed.square() / (2.0 * _core.BRAKING))

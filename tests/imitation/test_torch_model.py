@@ -9,8 +9,9 @@ import torch
 from imitation.map_tables import MapTables
 from imitation.torch_model import TorchPredictor
 from intersection_env import Predictor, _core
-from intersection_env.maps.intersection import Intersection, recorded_maps
+from intersection_env.maps.intersection import Intersection
 from intersection_env.policies.file import PolicyFile
+from tests.conftest import MAP_NAMES
 from tests.support.twins import CASES, random_assignment, random_case
 
 TOLERANCE = 2e-3  # [m], [m/s], [s]; what 50 steps in float32 may lose
@@ -21,13 +22,14 @@ def policy() -> PolicyFile:
     return Predictor.load("gail").policy
 
 
-@pytest.mark.parametrize("name", ["all_way_stop", "roundabout"])
-def test_maps_that_it_does_not_know_are_refused(name: str) -> None:
-    with pytest.raises(ValueError, match=f'map "{name}" has .*, which the model in torch does not know'):
-        MapTables.of([Intersection.load(name)])
+def test_an_all_way_stop_is_refused() -> None:
+    with pytest.raises(
+        ValueError, match='map "all_way_stop" has an all-way stop, which the model in torch does not know'
+    ):
+        MapTables.of([Intersection.load("all_way_stop")])
 
 
-@pytest.mark.parametrize("name", recorded_maps())
+@pytest.mark.parametrize("name", [name for name in MAP_NAMES if name != "all_way_stop"])
 @pytest.mark.parametrize("seed", range(12 * CASES))
 def test_it_predicts_what_the_core_predicts(name: str, seed: int, policy: PolicyFile) -> None:
     """Without intervention, and with orders that are assigned in part."""
