@@ -12,10 +12,13 @@ from tests.support.busy_traffic import busy
 BENDPLATZ = Intersection.load("bendplatz")
 
 
-def one_pair(before: float) -> Traffic:
-    """The yielder comes to its line; the other is so far before its own."""
+def one_pair(before: float, speed: float) -> Traffic:
+    """The yielder is at its line or drives up to it; the other is so far before its own."""
     own, other = (BENDPLATZ.routes[BENDPLATZ.route_index(name)].stop_line for name in ("SW-NE", "SE-NW"))
-    vehicles = [Vehicle("waits", "SW-NE", own - 15.0, 6.0), Vehicle("comes", "SE-NW", other - before, 11.0)]
+    vehicles = [
+        Vehicle("yields", "SW-NE", own - 3.0 - 3.0 * speed, speed),
+        Vehicle("comes", "SE-NW", other - before, 11.0),
+    ]
     return Traffic.of(BENDPLATZ, vehicles)
 
 
@@ -34,8 +37,10 @@ def test_draws_repeat_and_say_what_is_sure_where_it_is() -> None:
     assert len(np.unique(one)) > 2
 
 
-def test_the_farther_the_other_is_the_more_drivers_go_first() -> None:
+def test_who_has_refused_one_foe_lets_it_pass_and_who_drives_up_goes_the_likelier_the_farther_it_is() -> None:
     predictor = Predictor.load("gap")
-    chances = [float(drawn_yielder_first(predictor, one_pair(before), draws=16)[0]) for before in (5.0, 90.0)]
-    assert chances[0] < 0.1
-    assert chances[0] < chances[1]
+    for before in (25.0, 60.0):
+        assert drawn_yielder_first(predictor, one_pair(before, 0.0), draws=16) == pytest.approx([0.5 / 17.0])
+    near, far = (float(drawn_yielder_first(predictor, one_pair(one, 3.0), draws=16)[0]) for one in (25.0, 80.0))
+    assert near < 0.2
+    assert near < far
