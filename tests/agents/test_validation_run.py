@@ -17,7 +17,7 @@ COLLISION = 5000.0
 
 def test_validation_run_is_what_steps_by_hand_give() -> None:
     policy = DrivingNetwork()
-    count, steps = 3, 130  # more than one part of a rollout, and not a whole number of them
+    count, steps = 3, 230  # more than one part of a rollout, and not a whole number of them
     by_hand = ClosedLoopWorlds(worlds=count, vehicles=5)
     by_hand.reset(8, desynchronise=True)
     rewards, speeds, ends = [], [], []
@@ -30,7 +30,7 @@ def test_validation_run_is_what_steps_by_hand_give() -> None:
         ends.append(by_hand.terminated.copy())
     run = validation_run(policy, gap="critical_gap", seed=8, worlds=count, steps=steps, vehicles=5)
     reward, ended = np.stack(rewards), np.stack(ends)
-    assert ended.sum() > 1
+    assert ended.sum() > 2
     assert (reward[ended] < -0.9 * COLLISION).all()
     assert run.reward == pytest.approx(reward.mean(), rel=1e-3)
     assert run.reward_between_collisions == pytest.approx(reward[~ended].mean(), rel=1e-3)

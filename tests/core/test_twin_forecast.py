@@ -71,7 +71,7 @@ def test_features_and_logits_equal_the_twin(name: str) -> None:
 @pytest.mark.parametrize("is_given", [False, True])
 def test_probabilities_equal_those_of_all_orders_by_brute_force(name: str, is_given: bool) -> None:
     compared = conditions = 0
-    for seed in range(40 * CASES):
+    for seed in range(50 * CASES):
         traffic, twin = random_case(name, 91_000 + seed)
         if len(traffic.conflicts) > MOST_PAIRS:
             continue
@@ -97,7 +97,7 @@ def test_probabilities_equal_those_of_all_orders_by_brute_force(name: str, is_gi
         compared += len(truth) > 1
         conditions += bool(given.any())
     assert compared > 10 * CASES
-    assert not is_given or conditions >= 10 * CASES
+    assert not is_given or conditions > 10 * CASES
 
 
 @pytest.mark.parametrize("name", SHIPPED)
