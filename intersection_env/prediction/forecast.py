@@ -55,6 +55,7 @@ class Forecast:
         memories: dict[str, Any] = {}
         if every.hold is not None and every.priorities is not None:
             memories = {"hold": every.hold[one], "priorities": every.priorities[one], "patience": every.patience}
+            memories["waited"] = None if every.waited is None else every.waited[one]
         return Prediction(traffic=self.traffic, time=every.time, **rows, **memories)
 
     def words(self) -> list[str]:

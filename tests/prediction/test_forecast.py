@@ -358,3 +358,15 @@ def test_v3_and_v4_give_the_same_bytes() -> None:
         for isa in ("v3", "v4")
     )
     assert v3 == v4 != ""
+
+
+def test_most_probable_order_goes_on_with_the_stops_that_were_made() -> None:
+    route = BENDPLATZ.routes[BENDPLATZ.route_index("NE-SE")]
+    predictor = Predictor.load()
+    found = forecast(predictor, Traffic.of(BENDPLATZ, [Vehicle("stops", "NE-SE", route.stop_line - 12.0, 4.0)]))
+    one, whole = found.most_probable(), predictor.predict(found.traffic)
+    assert whole.waited is not None
+    assert whole.waited.any(), "it made its stop"
+    np.testing.assert_array_equal(one.waited, whole.waited)
+    time = 0.2 * int(np.flatnonzero(whole.waited[0, :, 0])[0] + 3)
+    np.testing.assert_array_equal(one.traffic_at(time).waited, whole.traffic_at(time).waited)
