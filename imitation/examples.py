@@ -61,10 +61,10 @@ def free_examples(
 ) -> list[Example]:
     """A car alone, from random places of random routes, until it leaves the map.
 
-    Nobody is recorded beyond the view, nor, on a free road, as slow as somebody may be. So the car drives as a teacher
-    that follows the IDM accelerates, as fast as that one drives on a free road, but up to the junction's end no faster
-    than three in four of the recorded drivers. Every other one begins near a junction, one in five at a standstill, the
-    others at up to the allowed speed.
+    Nobody is recorded beyond the view, nor, on a free road, as slow as somebody may be; on a map whose scenes are empty
+    nobody is at all. So the car drives as a teacher that follows the IDM accelerates, as fast as that one drives on a
+    free road, but up to the junction's end no faster than three in four of the recorded drivers. Every other one begins
+    near a junction, one in five at a standstill, the others at up to the allowed speed.
     """
     profiles = [
         (place.intersection, route, _profile(teacher, place, route, recorded))
@@ -115,6 +115,8 @@ def _recorded_speeds(scenes: Scenes) -> list[Floats]:
     The others had to wait just before, many of them. It is infinite beyond the junction's end, as there is no turn to
     slow for, and where fewer than ten such states are recorded.
     """
+    if not scenes.scenes:
+        return [np.full(_stretches(one), np.inf, np.float32) for one in scenes.intersection.routes]
     steps = expert_steps(scenes, None)
     seen = steps.observation
     is_free = (seen[:, Driving.ENTERS] > 0.0) & (seen[:, Driving.LEAD_DISTANCE] > FREE_ROAD)
@@ -123,9 +125,14 @@ def _recorded_speeds(scenes: Scenes) -> list[Floats]:
         own = is_free & (steps.route == one.index)
         position = one.stop_line - seen[own, Driving.DISTANCE_TO_STOP_LINE] - steps.half_length[own]
         stretch, speed = (position / STRETCH).astype(np.int64), seen[own, Driving.SPEED]
-        fast = np.full(int(one.length / STRETCH) + 1, np.inf, np.float32)
+        fast = np.full(_stretches(one), np.inf, np.float32)
         for k in range(int(one.junction[1] / STRETCH)):
             if (here := stretch == k).sum() >= 10:
                 fast[k] = np.quantile(speed[here], 0.75)
         found.append(fast)
     return found
+
+
+def _stretches(route: Route) -> int:
+    """How many of them a route has."""
+    return int(route.length / STRETCH) + 1

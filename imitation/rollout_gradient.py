@@ -43,6 +43,7 @@ from intersection_env.command import run_command
 from intersection_env.constants import STEPS
 from intersection_env.evaluation.moments import followed
 from intersection_env.evaluation.places import moments_in
+from intersection_env.maps.intersection import Intersection
 from intersection_env.maps.limits import with_limits
 from intersection_env.policies.file import PolicyFile
 from intersection_env.policies.named import gap_decider
@@ -91,6 +92,9 @@ class RolloutSettings:
     """Free drives for each recorded one of an update, as the teacher drives them."""
     free_drives: int = 4000
     """From which these are drawn."""
+    free_maps: tuple[str, ...] = ("roundabout",)
+    """Maps (names, or files) that are driven freely too, though nobody is recorded there: who has never seen a ring
+    stands in it."""
     teacher: str = "idm_calibrated"
     """A policy, whose free drives are learned from where nobody is recorded."""
     learning_rate: float = 5e-3
@@ -138,21 +142,28 @@ class Data:
 
     @classmethod
     def of(cls, places: Sequence[Scenes], settings: RolloutSettings) -> Data:
-        """The training scenes of these places, with each of the limits."""
-        places = [
-            replace(place, intersection=with_limits(place.intersection, times))
-            for place in places
-            for times in settings.limits
-        ]
-        tables, generator = MapTables.of([place.intersection for place in places]), np.random.default_rng(settings.seed)
-        training = [place.select("train") for place in places]
-        free = free_examples(training, teacher_named(settings.teacher), settings.free_drives, generator)
+        """The training scenes of these places, with each of the limits.
+
+        Raises:
+            ValueError, OSError: as of `Intersection.load`, of the maps that are driven freely, and of `MapTables`.
+        """
+        roads = [Scenes(Intersection.load(name), (), {}, {}) for name in settings.free_maps]
+        places, roads = (
+            [_limited(one, times) for one in some for times in settings.limits] for some in (places, roads)
+        )
+        driven = [*(place.select("train") for place in places), *roads]
+        tables, generator = MapTables.of([one.intersection for one in driven]), np.random.default_rng(settings.seed)
+        free = free_examples(driven, teacher_named(settings.teacher), settings.free_drives, generator)
         recorded = recorded_drives(tables, places, "train", settings.every)
         moments = None
         if settings.alone_epochs < settings.epochs:
             seen = followed(moments_in(places, "train", settings.every)[0])
             moments = JointMoments.of(tables, recorded_examples(seen))
         return cls(tables, joined(recorded, free_drives(tables, free)), moments)
+
+
+def _limited(place: Scenes, times: float) -> Scenes:
+    return replace(place, intersection=with_limits(place.intersection, times))
 
 
 def train_driver(

@@ -71,7 +71,9 @@ def test_no_help_leaves_a_default_empty(options: type, capsys: pytest.CaptureFix
 
 
 def make(*arguments: str) -> str:
-    return subprocess.run(["make", *arguments], cwd=ROOT, capture_output=True, text=True, check=True).stdout
+    """What make says, which within another make (`make test`) begins and ends with the folder's name."""
+    command = ["make", "--no-print-directory", *arguments]
+    return subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True).stdout
 
 
 def test_make_help_names_every_target() -> None:

@@ -8,7 +8,7 @@ import pytest
 from imitation.examples import Example, free_examples, recorded_examples, teacher_named
 from imitation.expert import expert_steps
 from imitation.tracks import replays
-from intersection_env import Predictor, Scenes
+from intersection_env import Intersection, Predictor, Scenes
 from intersection_env.evaluation.empty_road import free_drive
 from intersection_env.evaluation.moments import SCORED, moments_of
 from intersection_env.features import Driving
@@ -87,3 +87,17 @@ def test_a_teacher_drives_by_the_idm() -> None:
     assert teacher_named("idm_calibrated").policy.driver == "idm"
     with pytest.raises(ValueError, match='teacher: "gail" drives by "network"'):
         teacher_named("gail")
+
+
+def test_roads_on_which_nobody_is_recorded_are_driven_as_the_teacher_drives_them() -> None:
+    intersection, teacher = Intersection.load("roundabout"), Predictor.load("idm_calibrated")
+    roads = Scenes(intersection, (), {}, {})
+    free = free_examples([roads], teacher, 100, np.random.default_rng(0))
+    assert len({int(one.traffic.route[0]) for one in free}) == len(intersection.routes)
+    shares = []
+    for one in free:
+        if one.scored[-1, 0]:
+            places, speeds = free_drive(teacher, intersection, intersection.routes[int(one.traffic.route[0])])
+            shares.append(float(one.speed[-1, 0]) / float(np.interp(one.position[-1, 0], places, speeds)))
+    assert len(shares) > 20
+    assert 0.9 < float(np.median(shares)) < 1.1

@@ -15,7 +15,8 @@ from agents.networks.driving import DrivingNetwork
 from agents.training.folder import METRICS, RunFolder
 from imitation.replay_error import constant_velocity_network, replay_error
 from imitation.rollout_gradient import PROFILES, Data, RolloutSettings, _rate, main, train_driver
-from intersection_env import Predictor, Scenes
+from intersection_env import Intersection, Predictor, Scenes
+from intersection_env.maps.limits import with_limits
 from intersection_env.policies.file import PolicyFile
 from tests.support.scenes import small_scenes
 from tests.support.trainings import TINY_ROLLOUT
@@ -78,6 +79,19 @@ def test_each_place_is_learned_from_with_each_of_the_limits() -> None:
     assert v_max[1] == pytest.approx(1.5 * v_max[0].item())
     same = (getattr(twice.drives, name) for name in ("position", "speed", "delta"))
     assert all(torch.equal(one[:recorded], one[recorded : 2 * recorded]) for one in same)
+
+
+def test_maps_without_recordings_are_driven_freely_with_each_of_the_limits() -> None:
+    ring, places = Intersection.load("roundabout"), [Scenes.load("t_junction")]
+    none, some = (Data.of(places, replace(TINY_ROLLOUT, free_maps=maps)) for maps in ((), ("roundabout",)))
+    assert ring.checksum not in none.tables.begin
+    free = some.drives.route[-TINY_ROLLOUT.free_drives :]
+    begins = [some.tables.begin[with_limits(ring, times).checksum] for times in TINY_ROLLOUT.limits]
+    for begin in begins:
+        assert ((free >= begin) & (free < begin + len(ring.routes))).any()
+    assert not torch.isin(some.drives.route[: -TINY_ROLLOUT.free_drives], free[free >= min(begins)]).any()
+    with pytest.raises(ValueError, match='"all_way_stop" has an all-way stop, which the model in torch does not know'):
+        Data.of(places, replace(TINY_ROLLOUT, free_maps=("all_way_stop",)))
 
 
 def test_the_rate_rises_and_falls() -> None:
