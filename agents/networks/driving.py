@@ -10,45 +10,17 @@ from numpy.typing import NDArray
 from torch import Tensor, nn
 
 from agents.networks.gap import HIDDEN
+from agents.networks.scaled import ScaledNetwork
 
 DRIVING_SHIFT = (10.0, 7.0, 11.0, *[0.0] * 6, 40.0, 12.0, 0.5)  # ours: about the middle of each feature in traffic
 DRIVING_SCALE = (0.05, 0.1, 0.1, *[1.0] * 6, 0.03, 0.08, 1.0)
 
 
-class DrivingNetwork(nn.Module):
-    """MLP_acc, 12/16/16/1 with tanh: features (..., 12) to one number (...,), before any last activation.
-
-    Inputs are scaled by (x - shift) * scale, which is fixed and travels with the weights.
-    """
+class DrivingNetwork(ScaledNetwork):
+    """MLP_acc, 12/16/16/1 with tanh: features (..., 12) to one number (...,), before any last activation."""
 
     def __init__(self, shift: Sequence[float] = DRIVING_SHIFT, scale: Sequence[float] = DRIVING_SCALE) -> None:
-        super().__init__()
-        self.shift: Tensor
-        self.scale: Tensor
-        self.register_buffer("shift", torch.tensor(shift, dtype=torch.float32))
-        self.register_buffer("scale", torch.tensor(scale, dtype=torch.float32))
-        self.first = nn.Linear(len(shift), HIDDEN)
-        self.second = nn.Linear(HIDDEN, HIDDEN)
-        self.last = nn.Linear(HIDDEN, 1)
-
-    @property
-    def layers(self) -> tuple[nn.Linear, nn.Linear, nn.Linear]:
-        """In order."""
-        return self.first, self.second, self.last
-
-    def forward(self, features: Tensor) -> Tensor:
-        """The output (...,) of each row of features (..., 12), unscaled."""
-        return self.of_scaled(self.scaled(features))
-
-    def scaled(self, features: Tensor) -> Tensor:
-        """The features (..., 12) as the first layer takes them."""
-        return (features - self.shift) * self.scale
-
-    def of_scaled(self, x: Tensor) -> Tensor:
-        """As `forward`, of features that are scaled already."""
-        x = torch.tanh(self.first(x))
-        out: Tensor = self.last(torch.tanh(self.second(x)))
-        return out.squeeze(-1)
+        super().__init__(shift, scale, HIDDEN)
 
     def packed(self) -> NDArray[np.float32]:
         """All parameters in one row, the scaling folded into the first layer: what the core's rollout reads."""

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-import torch
-from torch import Tensor, nn
+from agents.networks.scaled import ScaledNetwork
 
 ORDER_HIDDEN = 32  # ours: 16 err more often, 64 no less
 OF_LEAD_AND_LENGTH = ((55.0, 0.025), (15.0, 0.08), (4.5, 0.5))
@@ -16,30 +15,8 @@ ORDER_SHIFT, ORDER_SCALE = zip(*OF_YIELDER, *OF_FOE, *OF_PAIR, strict=True)
 """Ours: about the middle of each of `ORDER_FEATURES` in traffic, and one by its deviation."""
 
 
-class OrderNetwork(nn.Module):
-    """21/32/32/1 with tanh: features (..., 21), `ORDER_FEATURES`, to the logit of the yielder going first (...,).
-
-    Inputs are scaled by (x - shift) * scale, which is fixed and travels with the weights.
-    """
+class OrderNetwork(ScaledNetwork):
+    """21/32/32/1 with tanh: features (..., 21), `ORDER_FEATURES`, to the logit of the yielder going first (...,)."""
 
     def __init__(self, shift: Sequence[float] = ORDER_SHIFT, scale: Sequence[float] = ORDER_SCALE) -> None:
-        super().__init__()
-        self.shift: Tensor
-        self.scale: Tensor
-        self.register_buffer("shift", torch.tensor(shift, dtype=torch.float32))
-        self.register_buffer("scale", torch.tensor(scale, dtype=torch.float32))
-        self.first = nn.Linear(len(shift), ORDER_HIDDEN)
-        self.second = nn.Linear(ORDER_HIDDEN, ORDER_HIDDEN)
-        self.last = nn.Linear(ORDER_HIDDEN, 1)
-
-    @property
-    def layers(self) -> tuple[nn.Linear, nn.Linear, nn.Linear]:
-        """In order."""
-        return self.first, self.second, self.last
-
-    def forward(self, features: Tensor) -> Tensor:
-        """The logit (...,) of each row of features (..., 21), unscaled."""
-        x = (features - self.shift) * self.scale
-        x = torch.tanh(self.first(x))
-        out: Tensor = self.last(torch.tanh(self.second(x)))
-        return out.squeeze(-1)
+        super().__init__(shift, scale, ORDER_HIDDEN)

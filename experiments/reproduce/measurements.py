@@ -108,12 +108,8 @@ class Measurements:
 
     def _sumo(self, moments: Sequence[Moment]) -> tuple[list[Forecaster], dict[str, str]]:
         """SUMO as a predictor, and why not."""
-        if self.workspace.places[0] != Intersection.load("bendplatz"):
-            return [], {"sumo": "there is a network for Bendplatz only"}
-        try:
-            return [sumo_predictions([moment.traffic for moment in moments])], {}
-        except ModuleNotFoundError as error:
-            return [], {"sumo": str(error)}
+        missing = self._no_sumo()
+        return ([] if missing else [sumo_predictions([moment.traffic for moment in moments])]), missing
 
     def _order(self, split: str) -> None:
         moments, _ = moments_of(self.workspace.scenes.select(split))
