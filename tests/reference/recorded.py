@@ -110,6 +110,18 @@ def has_waited(recording: Recording, k: int, time: int) -> int:
     return steps - int(stops[0]) if len(stops) else 0
 
 
+def stop_is_asked(recording: Recording, k: int) -> bool:
+    """Whether track k has to make a stop: by the recording nobody who passed its line without."""
+    track = recording.scene.tracks[k]
+    road = recording.intersection.routes[track.route]
+    if recording.rules is not None or not road.must_stop:
+        return road.must_stop
+    past = np.flatnonzero(road.stop_line - (track.position + track.length / 2) < 0)
+    if not len(past):
+        return True
+    return bool(past[0] > 0 and has_waited(recording, k, track.start + int(past[0]) - 1) > 0)
+
+
 def was_behind(recording: Recording, j: int, i: int) -> bool:
     """Whether track j was recorded behind i where they share a lane."""
     mine, other = recording.scene.tracks[i], recording.scene.tracks[j]

@@ -14,6 +14,7 @@ from tests.reference.pairs import all_pairs, conflict_of, is_active
 from tests.reference.recorded import (
     Recording,
     has_waited,
+    stop_is_asked,
     recorded_holds,
     recorded_traffic,
     tracks_at,
@@ -92,7 +93,7 @@ def actor_decides(
     seen = observe(intersection, traffic, Memory(may_lead, delta, hold), pairs)
     memory = _memories(recording, time, (traffic, here, me), (remembered, waited), hold)
     refused = np.zeros(len(here), np.bool_)
-    if rules is not None:
+    if stop_is_asked(recording, actor):
         refused[me] = still_to_stop(intersection, traffic, memory)[me]
     for pair, features in zip(pairs, seen.gap, strict=True):
         if is_active(intersection, traffic, memory.present, pair, 0) and not _by_arrival(recording, traffic, pair):
@@ -124,7 +125,7 @@ def _memories(
     own_hold[me] = -1
     memory = Memory(np.ones(len(here), np.bool_), goes, own_hold, since)
     counted = with_stops(recording.intersection, traffic, memory).waited[me]
-    since[me] = counted if recording.rules is not None else waited
+    since[me] = counted if stop_is_asked(recording, here[me]) else waited + (waited > 0)
     return memory
 
 

@@ -56,6 +56,39 @@ def test_recorded_vehicle_that_was_held_does_not_hold_the_acting_one(waited: boo
     assert column(seen, Driving.ENTERS).tolist() == [float(waited)] * 4
 
 
+def stopping(speeds: list[float]) -> Track:
+    """A vehicle that comes to its stop sign, alone, from 10 m before its line."""
+    route = {one.id: one for one in twin_map("bendplatz").routes}["NE-SE"]
+    return driven("bendplatz", "NE-SE", route.stop_line - 12, speeds, len(speeds))
+
+
+def test_recording_asks_for_a_stop_that_was_made_until_it_is_made() -> None:
+    """So of the recorded vehicle as it was, and of the acting one, which drives faster and stops later or never."""
+    track = stopping([*[4.0] * 9, 3.0, 2.0, 1.0, 0.3, 0.0, 0.0, 1.0, *[2.0] * 20])
+    seen = go(hand(track, name="bendplatz"), 30, 1.0)
+    to_line = np.array([one["expert_observation"][0, Driving.DISTANCE_TO_STOP_LINE] for one in seen])
+    speed = np.array([one["expert_observation"][0, Driving.SPEED] for one in seen])
+    stands = int(np.flatnonzero((speed < 0.5) & (to_line < 3.0))[0])
+    expert = np.array([one["expert_observation"][0, Driving.ENTERS] for one in seen])
+    np.testing.assert_array_equal(expert, np.arange(len(seen)) >= stands)
+    assert 8 < stands < 14
+    own = np.array([one["observation"][0] for one in seen])
+    held = (own[:, Driving.DISTANCE_TO_STOP_LINE] >= 0.0) & (own[:, Driving.SPEED] ** 2 / 8.0 < own[:, 0])
+    assert held.sum() > 3
+    assert not own[held, Driving.ENTERS].any()
+
+
+@pytest.mark.parametrize(
+    ("speeds", "asked"),
+    [([3.0] * 30, False), ([3.0] * 10, True), ([3.0] * 19 + [0.0] * 8, False)],
+    ids=["passes without", "is recorded before its line alone", "stands beyond its line"],
+)
+def test_recording_asks_for_no_stop_of_who_passed_its_line_without(speeds: list[float], asked: bool) -> None:
+    seen = go(hand(stopping(speeds), name="bendplatz"), 5, 0.0)
+    for door in ("observation", "expert_observation"):
+        assert [bool(one[door][0, Driving.ENTERS]) for one in seen] == [not asked] * 5
+
+
 # Blame
 
 

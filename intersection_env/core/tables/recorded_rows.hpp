@@ -7,7 +7,7 @@ namespace intersection_env {
 
 constexpr int TRACK_COLUMNS = 12;
 // route, half length, half width, top speed, first sample, first step, end step, first recorded step,
-// first companion, companion count, 0, 0
+// first companion, companion count, whether it is asked for a stop at its line, 0
 constexpr int SAMPLE_COLUMNS = 8; // position, speed, memory, v_max, x, y, x and y once braked
 // memory: twice the steps since it stopped at its line, and 1 more where it is held
 constexpr int COMPANION_COLUMNS = 16;

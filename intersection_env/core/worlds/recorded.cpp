@@ -134,13 +134,31 @@ void Recorded::add_track(const Map& map, int track, bool recording) {
     const long begin = scenes_.track_samples[at(track)], end = scenes_.track_samples[at(track) + 1];
     const auto seen = std::find(scenes_.observed.begin() + begin, scenes_.observed.begin() + end, 1);
     const long recorded = std::min(seen - scenes_.observed.begin(), std::max(end - 2, begin)) - begin;
-    track_rows_.insert(
-        track_rows_.end(),
-        {static_cast<float>(scenes_.route[at(track)]), 0.5F * scenes_.length[at(track)],
-         0.5F * scenes_.width[at(track)], std::min(scenes_.max_speed[at(track)], UNBOUNDED), static_cast<float>(begin),
-         static_cast<float>(first_step(track)), static_cast<float>(end_step(track)),
-         static_cast<float>(first_step(track) + recorded), static_cast<float>(first),
-         static_cast<float>(static_cast<long>(companion_rows_.size()) / COMPANION_COLUMNS - first), 0.0F, 0.0F});
+    track_rows_.insert(track_rows_.end(),
+                       {static_cast<float>(scenes_.route[at(track)]), 0.5F * scenes_.length[at(track)],
+                        0.5F * scenes_.width[at(track)], std::min(scenes_.max_speed[at(track)], UNBOUNDED),
+                        static_cast<float>(begin), static_cast<float>(first_step(track)),
+                        static_cast<float>(end_step(track)), static_cast<float>(first_step(track) + recorded),
+                        static_cast<float>(first),
+                        static_cast<float>(static_cast<long>(companion_rows_.size()) / COMPANION_COLUMNS - first),
+                        asks_for_stop(map, track, recording) ? 1.0F : 0.0F, 0.0F});
+}
+
+// By the recording nobody who passed its line without a stop.
+bool Recorded::asks_for_stop(const Map& map, int track, bool recording) const {
+    const Route& road = map.routes[at(scenes_.route[at(track)])];
+    if (!recording || !road.must_stop) {
+        return road.must_stop;
+    }
+    bool has_stopped = false;
+    for (long k = scenes_.track_samples[at(track)]; k < scenes_.track_samples[at(track) + 1]; ++k) {
+        const float to_line = road.stop_line - (scenes_.position[at(k)] + 0.5F * scenes_.length[at(track)]);
+        if (to_line < 0.0F) {
+            return has_stopped;
+        }
+        has_stopped |= scenes_.speed[at(k)] < STOPPED && to_line < AT_LINE;
+    }
+    return true;
 }
 
 // One row for each conflict, or lane that they share, of the two.

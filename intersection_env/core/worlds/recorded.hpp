@@ -36,6 +36,7 @@ class Recorded {
   private:
     void check(const Map& map) const;
     void add_track(const Map& map, int track, bool recording);
+    bool asks_for_stop(const Map& map, int track, bool recording) const;
     struct Order {
         bool follows, first; // the own one was behind in the lane, went first through the conflict
         Fault fault;

@@ -26,6 +26,7 @@ inline void load_track(const ReplayArguments& g, ReplayLanes& run) {
         slot->half_width = row[2];
         slot->max_speed = row[3];
         load_route(g.map, *slot);
+        slot->must_stop = row[10] != 0.0F;
     }
     run.first_sample = as_ints(row[4]);
     run.first_step = as_ints(row[5]);
@@ -168,7 +169,7 @@ inline void look(const ReplayArguments& g, ReplayLanes& run) {
     observe_vehicle(g.map, run.acting);
     observe_vehicle(g.map, run.expert);
     locate(g.map, run.acting);
-    if (g.map.stops != 0 && !g.recording) {
+    if (g.map.stops != 0) {
         remember_stop(run.acting);
         remember_stop(run.expert);
     }
