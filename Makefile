@@ -43,8 +43,8 @@ versions: $(VENV)/.tools ## the wheel with the lowest and the newest versions of
 clients: setup ## runs the examples with other libraries, each in an environment of its own
 	$(RUN) -m tests.clients $(CLIENTS)
 
-bench: $(VENV)/.bench ## times predictor, environments and training beside others' work
-	$(RUN) -m experiments.bench
+bench: $(VENV)/.bench ## times all beside others' work; AGAINST=revision: beside that, pair by pair
+	$(RUN) -m experiments.bench$(if $(AGAINST),.against $(AGAINST))
 
 maps: setup ## compiles the maps that ship
 	$(RUN) -m intersection_env.maps

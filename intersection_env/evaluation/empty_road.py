@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from intersection_env.constants import STEPS
-from intersection_env.maps.intersection import Intersection, Route, Sample, recorded_maps
+from intersection_env.maps.intersection import Intersection, Route, Sample, shipped_maps
 from intersection_env.prediction.predictor import Predictor
 from intersection_env.traffic import Traffic, Vehicle
 
@@ -52,13 +52,13 @@ def empty_road(
     Args:
         predictor: who drives.
         reference: with whom to compare; None: the calibrated IDM that ships.
-        maps: to drive on; None: all that ship and hold recordings.
+        maps: to drive on; None: all that ship.
 
     Raises:
         ValueError: no start is left.
     """
     reference = Predictor.load(REFERENCE) if reference is None else reference
-    maps = [Intersection.load(name) for name in recorded_maps()] if maps is None else maps
+    maps = [Intersection.load(name) for name in shipped_maps()] if maps is None else maps
     shares: list[float] = []
     words: list[str] = []
     for intersection in maps:

@@ -8,7 +8,7 @@ import pytest
 from intersection_env import Intersection, Predictor, Traffic, Vehicle
 from intersection_env.evaluation.empty_road import empty_road
 from intersection_env.evaluation.gates import LEAST_MEAN_SPEED, LEAST_SPEED
-from intersection_env.maps.intersection import recorded_maps
+from intersection_env.maps.intersection import shipped_maps
 from intersection_env.policies.file import IdmParameters, PolicyFile
 from intersection_env.policies.named import DEFAULT, GAP_RULES, POLICIES, RULES
 from tests.support.core_and_twin import weights
@@ -29,7 +29,7 @@ def test_whoever_drives_is_fast_on_an_empty_road(policy: str, gap: str | None) -
     found = empty_road(Predictor.load(policy, gap=gap))
     assert found.least >= LEAST_SPEED, found.where
     assert found.mean >= LEAST_MEAN_SPEED
-    assert found.drives > 20 * sum(len(Intersection.load(name).routes) for name in recorded_maps())
+    assert found.drives > 20 * sum(len(Intersection.load(name).routes) for name in shipped_maps())
 
 
 def test_who_is_exempt_fails_and_is_not_the_default() -> None:
@@ -55,7 +55,7 @@ def test_a_driver_that_stands_is_found_and_its_worst_drive_named() -> None:
         bias[:] = -100.0
     found = empty_road(Predictor(PolicyFile("critical_gap", "network", driving_network=braking), "brakes"))
     assert found.least == found.mean == 0.0
-    assert found.where.startswith("bendplatz, ")
+    assert found.where.startswith(f"{shipped_maps()[0]}, ")
     constant = empty_road(Predictor.load("constant_velocity"))
     assert constant.least == 0.0
     assert "at 0.0 m/s" in constant.where

@@ -14,9 +14,9 @@ from tests.reference.pairs import all_pairs, conflict_of, is_active
 from tests.reference.recorded import (
     Recording,
     has_waited,
-    stop_is_asked,
     recorded_holds,
     recorded_traffic,
+    stop_is_asked,
     tracks_at,
     was_behind,
     went_second,
