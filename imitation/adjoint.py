@@ -151,7 +151,7 @@ def _effects(rollout: Rollout, seen: Seen, steps: _Steps, error: Error) -> tuple
 def _by_acceptance(model: TorchPredictor, assignment: Tensor, begin: Rollout, seen: Seen, steps: _Steps) -> Tensor:
     """0 everywhere, with the gap network's gradients: of what going instead of waiting changes, where that is open."""
     remembered = torch.cat([model.vehicles.delta.expand(begin.enters[:1].shape), begin.enters[:-1]])
-    stopped = model.at_stop(seen).cummax(0).values
+    stopped = model.at_stop(seen).cummax(0).values | model.vehicles.stopped
     pairs = model.pairs(assignment, seen, begin.position, begin.present, remembered, stopped)
     chosen = pairs.free.nonzero(as_tuple=True)
     logit = torch.zeros(pairs.free.shape).index_put(chosen, model.networks.gap(pairs.gap[chosen]))

@@ -26,9 +26,9 @@ class Vehicles(NamedTuple):
     """The traffic of some moments side by side, as the core knows it at the start.
 
     route: (moment, vehicle) places in the tables. position, speed, half_length, max_speed: (moment, vehicle) [m],
-    [m/s]. present, delta: (moment, vehicle) bool. i, j: (moment, pair) indices of yielders and of who has priority.
-    Smaller moments are filled up with vehicles that are not present, and with pairs of a spare one, the last, which is
-    present in none.
+    [m/s]. present, delta, stopped: (moment, vehicle) bool; stopped: at its line, before now. i, j: (moment, pair)
+    indices of yielders and of who has priority. Smaller moments are filled up with vehicles that are not present, and
+    with pairs of a spare one, the last, which is present in none.
     """
 
     route: Tensor
@@ -38,6 +38,7 @@ class Vehicles(NamedTuple):
     max_speed: Tensor
     present: Tensor
     delta: Tensor
+    stopped: Tensor
     i: Tensor
     j: Tensor
 
@@ -65,6 +66,7 @@ class Vehicles(NamedTuple):
             max_speed=rows([one.max_speed for one in moments], np.inf),
             present=there & (position < tables.length[route]),
             delta=rows([_core.committed(one.intersection.core, one.core) for one in moments], 0),
+            stopped=rows([_has_stopped(one) for one in moments], 0),
             i=rows([one.conflicts[:, 0].astype(np.int64) for one in moments], most, pairs),
             j=rows([one.conflicts[:, 1].astype(np.int64) for one in moments], most, pairs),
         )
@@ -166,7 +168,7 @@ class TorchPredictor:
         position, speed, delta = (one.expand(shape) for one in (known.position, known.speed, known.delta))
         hold, present = torch.full(shape, -1), known.present.expand(shape)
         lost, asked = torch.zeros(shape), torch.zeros(())
-        stopped = torch.zeros(shape, dtype=torch.bool)
+        stopped = known.stopped.expand(shape)
         for _ in range(STEPS):
             seen = self.seen(position, speed, present)
             stopped = stopped | self.at_stop(seen)
@@ -272,6 +274,10 @@ class TorchPredictor:
         yielder_first = (rear.gather(-1, j) < self.end_j) & (position.gather(-1, i) < self.end_i)
         both = present.gather(-1, i) & present.gather(-1, j)
         return both & torch.where(assignment > 0, yielder_first, yielder_second)
+
+
+def _has_stopped(traffic: Traffic) -> NDArray[np.bool_]:
+    return np.zeros(len(traffic), np.bool_) if traffic.waited is None else traffic.waited > 0
 
 
 def _some(flags: Tensor, index: Tensor, like: Tensor) -> Tensor:

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from intersection_env import _core
 from intersection_env.arguments import name_or_file
 from intersection_env.constants import BICYCLE_MAX_SPEED, DT
 from intersection_env.maps.intersection import Intersection
@@ -117,6 +118,8 @@ class Scenes:
     def at(self, scene: Scene | int | str, time: float) -> Traffic:
         """The vehicles present `time` seconds after the scene's begin, in the order of its tracks.
 
+        Who has made a stop at its line by then, as its track tells, need not make another (`Traffic.waited`).
+
         Raises:
             ValueError: the time is not a multiple of 0.2 s within the scene.
         """
@@ -128,7 +131,7 @@ class Scenes:
             )
         tracks = [track for track in scene.tracks if track.start <= step < track.stop]
         bicycle = [track.road_user == "bicycle" for track in tracks]
-        return Traffic(
+        traffic = Traffic(
             intersection=self.intersection,
             ids=tuple(track.id for track in tracks),
             route=np.array([track.route for track in tracks], dtype=np.int32),
@@ -138,6 +141,19 @@ class Scenes:
             width=np.array([track.width for track in tracks], dtype=np.float32),
             max_speed=np.where(bicycle, BICYCLE_MAX_SPEED, np.inf).astype(np.float32),
         )
+        waited = np.array([self._waited(track, step) for track in tracks], np.int32)
+        if not waited.any():
+            return traffic
+        enters, nobody = _core.committed(self.intersection.core, traffic.core), np.full(len(tracks), -1, np.int16)
+        return replace(traffic, delta=enters.astype(np.bool_), hold=nobody, waited=waited)
+
+    def _waited(self, track: Track, step: int) -> int:
+        """For how many steps before this one a vehicle has stopped at its line or gone on from there."""
+        route = self.intersection.routes[track.route]
+        before = slice(0, step - track.start)
+        to_line = np.float32(route.stop_line) - (track.position[before] + np.float32(0.5 * track.length))
+        stops = route.must_stop & (track.speed[before] < _core.STOPPED) & (to_line < _core.AT_LINE)
+        return int(stops[stops.argmax() :].size) if stops.any() else 0
 
 
 def shipped_scenes() -> tuple[str, ...]:

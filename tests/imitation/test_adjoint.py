@@ -34,7 +34,7 @@ class StepByStep(TorchPredictor):
         with torch.no_grad():
             otherwise = super()._acceleration(seen, pairs, held, ~delta) - acceleration
             gained = torch.where(delta, -otherwise, otherwise)
-            gained = torch.where(pairs.told | pairs.kept | pairs.settled, 0.0, gained)
+            gained = torch.where(pairs.told | pairs.kept | pairs.settled | pairs.stops, 0.0, gained)
         log = torch.where(held.open, logsigmoid(held.logit), 0.0)
         accepts = torch.zeros_like(acceleration).scatter_add(-1, pairs.i, log).exp()
         return acceleration + gained * (accepts - accepts.detach())

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import torch
 
 from imitation.map_tables import MapTables
 from imitation.torch_model import TorchPredictor
-from intersection_env import Predictor, _core
+from intersection_env import Predictor, Scenes, _core
 from intersection_env.maps.intersection import Intersection
 from intersection_env.policies.file import PolicyFile
 from tests.conftest import MAP_NAMES
@@ -46,3 +48,21 @@ def test_it_predicts_what_the_core_predicts(name: str, seed: int, policy: Policy
         np.testing.assert_allclose(state.position.numpy(), core.position[:, step], atol=TOLERANCE)
         np.testing.assert_allclose(state.speed.numpy(), core.speed[:, step], atol=TOLERANCE)
     np.testing.assert_allclose(states[-1].time_loss.numpy(), core.time_loss, atol=TOLERANCE)
+
+
+def test_it_knows_who_has_stopped_before(policy: PolicyFile) -> None:
+    """Recorded vehicles that go on from their stop need not make another."""
+    scenes, drives_on = Scenes.load("bendplatz").select("train"), 0
+    for scene in scenes.scenes[:12]:
+        for time in np.arange(0.0, scene.duration, 2.0):
+            traffic = scenes.at(scene, float(time))
+            if traffic.waited is None:
+                continue
+            none = np.zeros((1, len(traffic.conflicts)), np.int8)
+            orders = _core.complete(traffic.intersection.core, traffic.core, none)
+            *_, last = TorchPredictor.of(traffic, policy).states(torch.from_numpy(orders))
+            core = Predictor(policy, "core").predict(traffic)
+            np.testing.assert_allclose(last.position.numpy(), core.position[:, -1], atol=TOLERANCE)
+            forgets = Predictor(policy, "core").predict(replace(traffic, waited=None))
+            drives_on += int((np.abs(forgets.position[0, -1] - core.position[0, -1]) > 1.0).any())
+    assert drives_on > 3, "nobody made a second stop"

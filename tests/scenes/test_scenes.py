@@ -252,3 +252,29 @@ def test_scenes_that_contradict_themselves_are_not_written(tmp_path: Path, scene
     with pytest.raises(ValueError, match="03/0 is there twice"):
         wrong.save(tmp_path / "scenes.npz")
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    ("speeds", "waited"),
+    [
+        ([4.0] * 8 + [0.3, 0.0, 2.0, 2.0, 2.0], [0] * 9 + [1, 2, 3, 4]),
+        ([4.0] * 8 + [0.6, 0.6, 2.0, 2.0, 2.0], [0] * 13),
+        ([0.0] + [2.0] * 4, [0] * 5),
+    ],
+    ids=["stops at its line", "rolls on", "stops far before it"],
+)
+def test_a_moment_knows_for_how_long_a_vehicle_has_stopped_at_its_line(speeds: list[float], waited: list[int]) -> None:
+    """Up to the step before, as a prediction counts the present one itself."""
+    bendplatz = Intersection.load("bendplatz")
+    route = next(one for one in bendplatz.routes if one.must_stop)
+    speed = np.array(speeds, np.float32)
+    one = replace(
+        track("03/1", route.index, 2, len(speeds)),
+        speed=speed,
+        position=(route.stop_line - 11.0 + np.cumsum(0.2 * speed)).astype(np.float32),
+        observed=np.ones(len(speeds), np.bool_),
+    )
+    scenes = Scenes(bendplatz, (Scene("03/0", "03", "train", 0.0, 2 + len(speeds), (one,)),), {}, {})
+    found = [scenes.at(0, 0.2 * (2 + step)) for step in range(len(speeds))]
+    assert [0 if moment.waited is None else int(moment.waited[0]) for moment in found] == waited
+    assert all(moment.hold is None for moment in found if moment.waited is None)
