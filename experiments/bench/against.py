@@ -55,7 +55,7 @@ def rows() -> list[str]:
         found.append(f"closed loop, worlds 1024, isa {isa}")
         for worlds in (64, 1024):
             found += [f"replay, worlds {worlds}, isa {isa}", f"replay, worlds {worlds}, isa {isa}, gap recording"]
-        found.append(f"{SAME}, isa {isa}")
+        found += [f"{SAME}, isa {isa}, of {what}" for what in ("predictions", "closed loop", "replay", "recording")]
     best = _core.available_kernels()[-1]
     found += [f"closed loop, worlds 1024, isa {best}, threads 2", f"rank, orders {ORDERS}"]
     for worlds in (64, 1024):

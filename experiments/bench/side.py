@@ -45,6 +45,7 @@ WARM_UP = 150  # steps of worlds, until they have forgotten how they started
 ACCELERATION = 6.0  # [m/s²] at an action of 1
 DRIVERS = ("networks", "assigned", "idm")  # assigned: networks that are told every pair's order
 MEMORY = "memory"  # rows that begin so are asked once
+SAME_WORLDS, SAME_ROLLOUTS = 100, 10
 TRAJECTORIES = 7  # arrays: positions, speeds, accelerations, who enters, who is present, time losses, distances
 SAME = "same trajectories"  # likewise; they answer with a hash
 
@@ -119,10 +120,7 @@ def _replay(given: Given, worlds: str, isa: str, threads: str = "1", gap: str = 
 
 
 def _rollout(given: Given, worlds: ClosedLoopWorlds | ReplayWorlds) -> Callable[[], Any]:
-    count, *vehicles = worlds.action.shape
-    shape = (count, ROLLOUT_STEPS, *vehicles)
-    arrays = [np.zeros((*shape, 12), np.float32), *(np.zeros(shape, np.float32) for _ in range(5))]
-    arrays += [np.zeros(shape, np.bool_) for _ in range(2)]
+    arrays = _arrays(worlds)
     worlds.reset(0, desynchronise=True)
 
     def run() -> None:
@@ -130,7 +128,15 @@ def _rollout(given: Given, worlds: ClosedLoopWorlds | ReplayWorlds) -> Callable[
 
     for _ in range(0, WARM_UP, ROLLOUT_STEPS):
         run()
-    return _seconds(run, int(np.prod(shape)))
+    return _seconds(run, arrays[-1].size)
+
+
+def _arrays(worlds: ClosedLoopWorlds | ReplayWorlds) -> list[np.ndarray[Any, Any]]:
+    """Where a rollout puts what it finds: observations, five numbers and two flags an agent-step."""
+    count, *vehicles = worlds.action.shape
+    shape = (count, ROLLOUT_STEPS, *vehicles)
+    numbers = [np.zeros((*shape, 12), np.float32), *(np.zeros(shape, np.float32) for _ in range(5))]
+    return numbers + [np.zeros(shape, np.bool_) for _ in range(2)]
 
 
 def _memory(given: Given, of: str) -> Callable[[], Any]:
@@ -151,8 +157,24 @@ def _memory(given: Given, of: str) -> Callable[[], Any]:
     return used
 
 
-def _same(given: Given, isa: str) -> Callable[[], Any]:
-    """A hash of many traffics' trajectories, several scenarios each."""
+def _same(given: Given, isa: str, of: str = "predictions") -> Callable[[], Any]:
+    """A hash of many traffics' trajectories; or of what worlds gave in a rollout."""
+    if of != "predictions":
+        with tempfile.TemporaryDirectory() as folder:
+            gap, count = _gap_policy(given, folder), SAME_WORLDS
+            if of == "closed loop":
+                made: Any = ClosedLoopWorlds(worlds=count, vehicles=VEHICLES, gap=gap, isa=isa)
+            else:
+                made = ReplayWorlds(worlds=count, gap="recording" if of == "recording" else gap, isa=isa)
+        arrays = _arrays(made)
+        made.reset(0, desynchronise=True)
+
+        def rolled_out() -> str:
+            for _ in range(SAME_ROLLOUTS):
+                made.core.rollout(given["policy"], given["value"], SIGMA, ROLLOUT_STEPS, *arrays)
+            return hashlib.sha256(b"".join(one.tobytes() for one in arrays)).hexdigest()
+
+        return rolled_out
 
     def hashed() -> str:
         found = hashlib.sha256()

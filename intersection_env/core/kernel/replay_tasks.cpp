@@ -68,7 +68,7 @@ void run_start(const ReplayArguments& g, ReplayLanes& run) {
     }
     load(g, run);
     begin(g, wanted, given, run);
-    look_again(g, wanted, run);
+    look_again(g, wanted, true, run);
     store(g, wanted, run);
     write_seen(g, used(g) & bits(wanted), run);
 }
@@ -78,7 +78,7 @@ void run_step(const ReplayArguments& g, ReplayLanes& run) {
     load(g, run);
     const Ints ran = ~run.ended;
     load_columns(g.buffers.action + g.first_world, 1, 1, lanes, &run.action);
-    const Ints ends = step(g, run);
+    const Ints ends = step(g, true, run);
     const unsigned over = lanes & bits(ran & ends), blamed = over & bits(run.collided);
     for (std::uint8_t* flags : {g.buffers.terminated, g.buffers.truncated}) {
         clear_flags(flags + g.first_world, 1, lanes, 1);
@@ -101,7 +101,7 @@ void run_step(const ReplayArguments& g, ReplayLanes& run) {
 void run_look(const ReplayArguments& g, ReplayLanes& run) {
     load(g, run);
     load_expert(g, run);
-    look_again(g, Ints{}, run);
+    look_again(g, Ints{}, true, run);
     write_seen(g, used(g), run);
 }
 
@@ -119,12 +119,12 @@ struct RolledOut {
     }
     Floats* action() { return &run.action; }
     const Floats* paid() const { return &run.step_reward; }
-    Ints step() { return INTERSECTION_ENV_ISA::step(g, run) & run.exists; }
+    Ints step() { return INTERSECTION_ENV_ISA::step(g, false, run) & run.exists; }
     Ints left(int) const { return Ints{}; } // it ends its world, and so is among those that end
     Ints blamed(int) const { return run.collided; }
     bool restart(Ints ended) {
         begin(g, ended, all_ints(-1), run);
-        look_again(g, ended, run);
+        look_again(g, ended, false, run);
         return true;
     }
 };
@@ -132,7 +132,7 @@ struct RolledOut {
 void run_rollout(const ReplayArguments& g, ReplayLanes& run) {
     load(g, run);
     load_expert(g, run);
-    look_again(g, Ints{}, run);
+    look_again(g, Ints{}, false, run);
     Random noise;
     for (int k = 0; k < STREAM_WORDS; ++k) {
         noise.s[k] = lanes_at(g.state.random + (STREAM_WORDS + k) * g.padded + g.first_world);
@@ -143,6 +143,7 @@ void run_rollout(const ReplayArguments& g, ReplayLanes& run) {
     for (int k = 0; k < STREAM_WORDS; ++k) {
         lanes_at(g.state.random + (STREAM_WORDS + k) * g.padded + g.first_world) = noise.s[k];
     }
+    recall(g, true, run);
     write_seen(g, used(g), run);
 }
 
@@ -162,6 +163,8 @@ void run_replay(const ReplayArguments& g, Workspace& workspace) {
         return run_look(g, run);
     case Task::rollout:
         return run_rollout(g, run);
+    case Task::watch:
+        return watch(g, run);
     }
 }
 

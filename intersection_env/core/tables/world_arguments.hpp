@@ -19,7 +19,7 @@ struct Rollout {
     std::uint8_t *terminated, *cut; // cut: terminated, truncated or reinserted
 };
 
-enum class Task : std::uint8_t { start, step, look, rollout };
+enum class Task : std::uint8_t { start, step, look, rollout, watch };
 
 // One block of closed-loop worlds. State: (vehicle, WORLDS_PER_BLOCK), or (WORLDS_PER_BLOCK,), (8, WORLDS_PER_BLOCK)
 // for the streams; buffers from the block's first world on.
@@ -56,7 +56,8 @@ struct ReplayArguments {
     long first_world;
     int worlds;                 // that exist from first_world on
     const std::uint8_t* wanted; // the worlds to start; null: none but those of a rollout that end
-    const std::int32_t* given;  // the track to start with, or -1: drawn
+    const std::int32_t* given;  // the track to start with, or -1: drawn; or to watch
+    float* seen;                // SEEN_COLUMNS a sample, of what is watched
     bool desynchronise;         // begin anywhere within the track
 
     ReplayState<Pointer> state; // random: (8, padded worlds)

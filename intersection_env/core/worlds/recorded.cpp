@@ -36,7 +36,9 @@ Recorded::Recorded(const Map& map, RecordedScenes scenes, std::vector<std::int32
         }
     }
     companion_rows_.resize(companion_rows_.size() + COMPANION_COLUMNS); // read, and not used, where there is none
+    listed_.push_back(0);                                               // likewise
     mark_held();
+    seen_.resize(sample_rows_.size() / SAMPLE_COLUMNS * SEEN_COLUMNS);
 }
 
 int Recorded::end_step(int track) const {
@@ -46,7 +48,8 @@ int Recorded::end_step(int track) const {
 
 RecordedRows Recorded::rows() const {
     return {track_rows_.data(),   sample_rows_.data(), companion_rows_.data(),
-            acceleration_.data(), actors_.data(),      static_cast<int>(actors_.size())};
+            acceleration_.data(), seen_.data(),        actors_.data(),
+            windows_.data(),      listed_.data(),      static_cast<int>(actors_.size())};
 }
 
 void Recorded::check(const Map& map) const {
@@ -131,6 +134,8 @@ void Recorded::add_track(const Map& map, int track, bool recording) {
             add_companion(map, track, static_cast<int>(other), recording);
         }
     }
+    const long first_window = static_cast<long>(windows_.size()) / 2;
+    add_windows(track, first);
     const long begin = scenes_.track_samples[at(track)], end = scenes_.track_samples[at(track) + 1];
     const auto seen = std::find(scenes_.observed.begin() + begin, scenes_.observed.begin() + end, 1);
     const long recorded = std::min(seen - scenes_.observed.begin(), std::max(end - 2, begin)) - begin;
@@ -141,7 +146,22 @@ void Recorded::add_track(const Map& map, int track, bool recording) {
                         static_cast<float>(end_step(track)), static_cast<float>(first_step(track) + recorded),
                         static_cast<float>(first),
                         static_cast<float>(static_cast<long>(companion_rows_.size()) / COMPANION_COLUMNS - first),
-                        asks_for_stop(map, track, recording) ? 1.0F : 0.0F, 0.0F});
+                        asks_for_stop(map, track, recording) ? 1.0F : 0.0F, static_cast<float>(first_window)});
+}
+
+// Lists for each window of the track which of its companions are present in it.
+void Recorded::add_windows(int track, long first) {
+    const long end = static_cast<long>(companion_rows_.size()) / COMPANION_COLUMNS;
+    for (int step = first_step(track); step < end_step(track); step += WINDOW_STEPS) {
+        windows_.push_back(static_cast<std::int32_t>(listed_.size()));
+        for (long row = first; row < end; ++row) {
+            const float* companion = &companion_rows_[at(row * COMPANION_COLUMNS)];
+            if (companion[13] < static_cast<float>(step + WINDOW_STEPS) && static_cast<float>(step) < companion[14]) {
+                listed_.push_back(static_cast<std::int32_t>(row));
+            }
+        }
+        windows_.push_back(static_cast<std::int32_t>(listed_.size()));
+    }
 }
 
 // By the recording nobody who passed its line without a stop.
@@ -187,6 +207,10 @@ void Recorded::add_companion(const Map& map, int own, int other, bool recording)
         Fault fault = looked_up ? Fault::looked_up : fault_of(conflict, route, follows, first, recording);
         if (!can_touch) {
             fault = Fault::never;
+        }
+        const bool yields = conflict != nullptr && (conflict->yielder == route || conflict->by_arrival);
+        if (!follows && !yields && fault == Fault::never) {
+            continue; // it neither leads, nor goes first, nor is run into
         }
         add_companion_row(map, own, other, conflict, lane, {follows, first, fault});
     }

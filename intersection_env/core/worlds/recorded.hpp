@@ -28,6 +28,7 @@ class Recorded {
     Recorded(const Map& map, RecordedScenes scenes, std::vector<std::int32_t> actors, bool recording);
 
     RecordedRows rows() const;
+    float* seen() { return seen_.data(); } // SEEN_COLUMNS a sample, which a kernel fills in
     const RecordedScenes& scenes() const { return scenes_; }
     int scene_of(int track) const { return scene_[static_cast<std::size_t>(track)]; }
     int first_step(int track) const { return scenes_.start[static_cast<std::size_t>(track)]; }
@@ -42,6 +43,7 @@ class Recorded {
         Fault fault;
     };
     void add_companion(const Map& map, int own, int other, bool recording);
+    void add_windows(int track, long first);
     void add_companion_row(const Map& map, int own, int other, const Conflict* conflict, const SharedLane* lane,
                            const Order& order);
     static Fault fault_of(const Conflict* conflict, int route, bool follows, bool first, bool recording);
@@ -53,8 +55,8 @@ class Recorded {
     float reaches(int track, float arc_length) const;
 
     RecordedScenes scenes_;
-    std::vector<std::int32_t> actors_, scene_;
-    std::vector<float> acceleration_, track_rows_, sample_rows_, companion_rows_;
+    std::vector<std::int32_t> actors_, scene_, windows_, listed_;
+    std::vector<float> acceleration_, track_rows_, sample_rows_, companion_rows_, seen_;
 };
 
 } // namespace intersection_env

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 #include <stdexcept>
 #include <string>
 
@@ -31,6 +32,7 @@ Replay::Replay(std::shared_ptr<const Map> map, Policy policy, bool recording, Re
     for (int thread = 0; thread < threads_.count(); ++thread) {
         workspaces_.push_back(kernel_.create_replay());
     }
+    watch();
 }
 
 Replay::~Replay() {
@@ -39,8 +41,7 @@ Replay::~Replay() {
     }
 }
 
-void Replay::run(Task task, const std::uint8_t* wanted, const std::int32_t* given, bool desynchronise,
-                 const Rollout* rollout, int steps) {
+ReplayArguments Replay::arguments(Task task) const {
     ReplayArguments shared{};
     shared.map = tables_.rows();
     shared.recorded = recorded_.rows();
@@ -49,6 +50,33 @@ void Replay::run(Task task, const std::uint8_t* wanted, const std::int32_t* give
     shared.gap_network = policy_.gap_network ? &*policy_.gap_network : nullptr;
     shared.acceleration_scale = policy_.acceleration_scale;
     shared.task = task;
+    return shared;
+}
+
+// Does so many worlds, or tracks, some lanes at a time.
+void Replay::share(int count, const ReplayArguments& shared) {
+    const int lanes = kernel_.lanes;
+    threads_.share((count + lanes - 1) / lanes, [&](int row, int thread) {
+        ReplayArguments g = shared;
+        g.first_world = static_cast<long>(row) * lanes;
+        g.worlds = static_cast<int>(std::min<long>(lanes, count - g.first_world));
+        kernel_.run_replay(g, *workspaces_[at(thread)]);
+    });
+}
+
+// What the recorded vehicles see and say depends on the recording alone: it is found out once.
+void Replay::watch() {
+    ReplayArguments shared = arguments(Task::watch);
+    std::vector<std::int32_t> tracks(at(recorded_.scenes().tracks()));
+    std::iota(tracks.begin(), tracks.end(), 0);
+    shared.given = tracks.data();
+    shared.seen = recorded_.seen();
+    share(recorded_.scenes().tracks(), shared);
+}
+
+void Replay::run(Task task, const std::uint8_t* wanted, const std::int32_t* given, bool desynchronise,
+                 const Rollout* rollout, int steps) {
+    ReplayArguments shared = arguments(task);
     shared.steps = steps;
     shared.wanted = wanted;
     shared.given = given;
@@ -57,13 +85,7 @@ void Replay::run(Task task, const std::uint8_t* wanted, const std::int32_t* give
     shared.padded = padded_;
     shared.buffers = pointers_into<ReplayBuffers<Pointer>>(buffers, 0, vehicles());
     shared.rollout = rollout;
-    const int lanes = kernel_.lanes;
-    threads_.share((worlds_ + lanes - 1) / lanes, [&](int row, int thread) {
-        ReplayArguments g = shared;
-        g.first_world = static_cast<long>(row) * lanes;
-        g.worlds = static_cast<int>(std::min<long>(lanes, worlds_ - g.first_world));
-        kernel_.run_replay(g, *workspaces_[at(thread)]);
-    });
+    share(worlds_, shared);
     std::copy_n(state_.track.begin(), worlds_, buffers.track.begin());
     std::copy_n(state_.time.begin(), worlds_, buffers.time.begin());
 }

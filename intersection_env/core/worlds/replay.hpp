@@ -48,6 +48,9 @@ class Replay {
     void set_state(const State& state);
 
   private:
+    ReplayArguments arguments(Task task) const;
+    void share(int count, const ReplayArguments& shared);
+    void watch();
     void run(Task task, const std::uint8_t* wanted = nullptr, const std::int32_t* given = nullptr,
              bool desynchronise = false, const Rollout* rollout = nullptr, int steps = 0);
     void restart(std::span<const std::uint8_t> wanted, const std::int32_t* given, bool desynchronise);

@@ -7,11 +7,20 @@
 
 namespace intersection_env::INTERSECTION_ENV_ISA {
 
+// Gap decisions of the acting vehicles that wait for the network, which takes them a full row of lanes at a time.
+struct OpenGaps {
+    alignas(64) float features[GAP_INPUTS][3 * WIDTH];
+    int lane[3 * WIDTH];
+    int count;
+};
+
 struct ReplayLanes {
     Slot acting, expert; // the vehicle that acts, and the recorded one at the same step
+    OpenGaps open;
     Random random;
     Ints track, time, ended, exists;
-    Ints first_sample, first_step, end_step, first_recorded, first_companion, companion_count;
+    Ints first_sample, first_step, end_step, first_recorded, first_window;
+    Ints listed_begin, listed_end; // the companions that may be present at this step
     Floats action, step_reward, expert_acceleration;
     Ints left, collided;
     Floats last_features[FEATURES];
@@ -32,8 +41,7 @@ inline void load_track(const ReplayArguments& g, ReplayLanes& run) {
     run.first_step = as_ints(row[5]);
     run.end_step = as_ints(row[6]);
     run.first_recorded = as_ints(row[7]);
-    run.first_companion = as_ints(row[8]);
-    run.companion_count = as_ints(row[9]);
+    run.first_window = as_ints(row[11]);
 }
 
 // The recorded vehicle at the present step.
@@ -65,8 +73,11 @@ struct Companion {
 
 inline Companion companion(const ReplayArguments& g, const ReplayLanes& run, int index) {
     Companion one;
-    const Ints counts = index < run.companion_count;
-    one.row_offset = (counts ? run.first_companion + index : run.first_companion) * COMPANION_COLUMNS;
+    const Ints counts = run.listed_begin + index < run.listed_end;
+    const Ints place = counts ? run.listed_begin + index : Ints{};
+    for (int l = 0; l < WIDTH; ++l) {
+        one.row_offset[l] = g.recorded.listed[place[l]] * COMPANION_COLUMNS;
+    }
     load_rows<4>(g.recorded.companions, one.row_offset, one.row);
     const Ints since = run.time - as_ints(one.row[13]);
     one.present = counts & (since >= 0) & (run.time < as_ints(one.row[14]));
@@ -84,7 +95,44 @@ inline Ints arrived_first(const Companion& other, const Slot& own) {
     return other.row[6] > 0.0F ? yields : goes;
 }
 
-inline void meet(const ReplayArguments& g, const Companion& other, Slot& own) {
+// The network's answers to the first that wait, at most a row of them.
+inline void answer(const GapNetwork& network, OpenGaps& open, Slot& own) {
+    const int count = open.count < WIDTH ? open.count : WIDTH;
+    Floats input[GAP_INPUTS];
+    for (int f = 0; f < GAP_INPUTS; ++f) {
+        input[f] = lanes_at(open.features[f]);
+    }
+    unsigned refused = bits(~(evaluate(network, input, LeakyRelu{}) > 0.0F)) & ((1U << count) - 1);
+    for (; refused != 0; refused &= refused - 1) {
+        own.refused[open.lane[__builtin_ctz(refused)]] = -1;
+    }
+    open.count -= count;
+    for (int k = 0; k < open.count; ++k) {
+        open.lane[k] = open.lane[k + WIDTH];
+        for (int f = 0; f < GAP_INPUTS; ++f) {
+            open.features[f][k] = open.features[f][k + WIDTH];
+        }
+    }
+}
+
+// Puts the lanes of this encounter on the list.
+inline void ask(const GapNetwork& network, const Encounter& met, Ints wanted, OpenGaps& open, Slot& own) {
+    Floats features[GAP_INPUTS];
+    gap_features(met, features);
+    const unsigned lanes = bits(wanted);
+    compress(lane_numbers(), lanes, open.lane + open.count);
+    for (int f = 0; f < GAP_INPUTS; ++f) {
+        compress(reinterpret_cast<Ints>(features[f]), lanes, reinterpret_cast<int*>(open.features[f] + open.count));
+    }
+    open.count += __builtin_popcount(lanes);
+    if (open.count >= WIDTH) {
+        answer(network, open, own);
+    }
+}
+
+// Who leads, and whether the own vehicle, where it yields, accepts the gap. The network's answers come later, by
+// `open`.
+inline void meet(const ReplayArguments& g, const Companion& other, OpenGaps& waiting, Slot& own) {
     const Floats end = other.row[0], there = other.position() - other.row[2], ahead = there - own.position;
     const Ints in_lane = (own.rear < end) & (there - other.row[10] < end) & (other.front() > other.row[1]);
     const Ints leads = other.present & (other.row[3] > 0.0F) & (ahead > 0.0F) & in_lane;
@@ -113,7 +161,11 @@ inline void meet(const ReplayArguments& g, const Companion& other, Slot& own) {
                                other.sample[3],
                                other.row[5] - other.rear(),
                                kind > 1.5F};
-        own.refused |= open & ~accepts_gap(g.gap, g.gap_network, met);
+        if (g.gap == Gap::network) {
+            ask(*g.gap_network, met, open, waiting, own);
+        } else {
+            own.refused |= open & ~accepts_gap(g.gap, nullptr, met);
+        }
     }
 }
 
@@ -164,31 +216,103 @@ inline void touch(const ReplayArguments& g, const Companion& other, ReplayLanes&
     }
 }
 
-// Observes and decides for both, from the memories before.
-inline void look(const ReplayArguments& g, ReplayLanes& run) {
-    observe_vehicle(g.map, run.acting);
-    observe_vehicle(g.map, run.expert);
-    locate(g.map, run.acting);
-    if (g.map.stops != 0) {
-        remember_stop(run.acting);
-        remember_stop(run.expert);
-    }
-    run.collided = Ints{};
+// Finds the companions that may be present at this step; returns how many at the most.
+inline int find_companions(const ReplayArguments& g, ReplayLanes& run) {
+    const Ints window = run.first_window + (run.time - run.first_step) / WINDOW_STEPS;
     int most = 0;
     for (int l = 0; l < WIDTH; ++l) {
-        most = run.companion_count[l] > most ? run.companion_count[l] : most;
+        const std::int32_t* ends = g.recorded.windows + 2L * window[l];
+        run.listed_begin[l] = ends[0];
+        run.listed_end[l] = ends[1];
+        most = ends[1] - ends[0] > most ? ends[1] - ends[0] : most;
     }
+    return most;
+}
+
+// What the recorded vehicle sees and says at this step was found out before; see `watch`. road: it looks at that too,
+// which no decision needs.
+inline void recall(const ReplayArguments& g, bool road, ReplayLanes& run) {
+    Slot& expert = run.expert;
+    if (road) {
+        observe_vehicle(g.map, expert);
+    } else {
+        expert.distance_to_stop_line = expert.stop_line - (expert.position + expert.half_length);
+        expert.braking_distance = braking_distance(expert.speed);
+    }
+    Floats row[SEEN_COLUMNS];
+    load_rows<1>(g.recorded.seen, (run.first_sample + (run.time - run.first_step)) * SEEN_COLUMNS, row);
+    expert.lead_distance = row[0];
+    expert.lead_speed = row[1];
+    expert.refused = (expert.delta ? row[3] : row[2]) != 0.0F;
+}
+
+// Observes and decides for both, from the memories before. road: the recorded vehicle looks at its road too.
+inline void look(const ReplayArguments& g, bool road, ReplayLanes& run) {
+    Slot &acting = run.acting, &expert = run.expert;
+    observe_vehicle(g.map, acting);
+    recall(g, road, run);
+    locate(g.map, acting);
+    if (g.map.stops != 0) {
+        remember_stop(acting);
+    }
+    run.collided = Ints{};
+    run.open.count = 0;
+    const int most = find_companions(g, run);
     for (int c = 0; c < most; ++c) {
         const Companion other = companion(g, run, c);
-        if (!any(other.present)) {
-            continue;
+        if (any(other.present)) {
+            meet(g, other, run.open, acting);
+            touch(g, other, run);
         }
-        meet(g, other, run.acting);
-        meet(g, other, run.expert);
-        touch(g, other, run);
     }
-    decide_vehicle(run.acting, all_ints(-1));
-    decide_vehicle(run.expert, all_ints(-1));
+    if (run.open.count != 0) {
+        answer(*g.gap_network, run.open, acting);
+    }
+    decide_vehicle(acting, all_ints(-1));
+    decide_vehicle(expert, all_ints(-1));
+}
+
+// Watches the recorded vehicles of some tracks, one a lane, from step to step: what each sees, and whether it is
+// refused, had it decided to wait before, and had it decided to go.
+inline void watch(const ReplayArguments& g, ReplayLanes& run) {
+    Slot& expert = run.expert;
+    for (int l = 0; l < WIDTH; ++l) {
+        run.track[l] = g.given[g.first_world + (l < g.worlds ? l : 0)];
+    }
+    load_track(g, run);
+    run.open.count = 0;
+    for (run.time = run.first_step; any(run.time < run.end_step); run.time += 1) {
+        const Ints inside = run.time < run.end_step;
+        run.time = inside ? run.time : run.end_step - 1;
+        const int most = find_companions(g, run);
+        Ints refused[2];
+        for (int before = 0; before < 2; ++before) {
+            load_expert(g, run);
+            observe_vehicle(g.map, expert);
+            expert.delta = all_ints(-before);
+            if (g.map.stops != 0) {
+                remember_stop(expert);
+            }
+            for (int c = 0; c < most; ++c) {
+                const Companion other = companion(g, run, c);
+                if (any(other.present)) {
+                    meet(g, other, run.open, expert);
+                }
+            }
+            if (run.open.count != 0) {
+                answer(*g.gap_network, run.open, expert);
+            }
+            refused[before] = expert.refused;
+        }
+        const Ints sample = run.first_sample + (run.time - run.first_step);
+        for (int l = 0; l < g.worlds; ++l) {
+            float* seen = g.seen + static_cast<long>(sample[l]) * SEEN_COLUMNS;
+            seen[0] = expert.lead_distance[l];
+            seen[1] = expert.lead_speed[l];
+            seen[2] = refused[0][l] != 0 ? 1.0F : 0.0F;
+            seen[3] = refused[1][l] != 0 ? 1.0F : 0.0F;
+        }
+    }
 }
 
 inline void remember(const ReplayArguments& g, Slot& slot) {
@@ -225,23 +349,23 @@ inline void begin(const ReplayArguments& g, Ints wanted, Ints given, ReplayLanes
 }
 
 // What is now seen of new episodes; the decisions of lanes outside the mask stay.
-inline void look_again(const ReplayArguments& g, Ints decided, ReplayLanes& run) {
+inline void look_again(const ReplayArguments& g, Ints decided, bool road, ReplayLanes& run) {
     const Ints delta = run.acting.delta, expert_delta = run.expert.delta, waited = run.acting.waited;
-    look(g, run);
+    look(g, road, run);
     run.acting.delta = decided ? run.acting.delta : delta;
     run.expert.delta = decided ? run.expert.delta : expert_delta;
     run.acting.waited = decided ? run.acting.waited : waited;
 }
 
 // From actions to the new state, rewards and ends; returns the mask of episodes that end.
-inline Ints step(const ReplayArguments& g, ReplayLanes& run) {
+inline Ints step(const ReplayArguments& g, bool road, ReplayLanes& run) {
     Slot& acting = run.acting;
     acting.acceleration = advance(g.acceleration_scale * run.action, 0.0F, all_ints(-1), acting);
     run.left = acting.position >= acting.route_length;
     const Ints last = run.end_step - 1;
     run.time = run.time < last ? run.time + 1 : last;
     load_expert(g, run);
-    look(g, run);
+    look(g, road, run);
     run.collided &= ~run.left;
     run.step_reward = reward(acting, acting.acceleration, run.collided);
     driving_features(acting, run.last_features);
