@@ -95,23 +95,28 @@ TRAFFIC = Traffic.of(
     Intersection.load("bendplatz"), [Vehicle("a", "SE-NW", 90.0, 12.0), Vehicle("b", "SW-NE", 75.0, 6.0)]
 )
 DEFAULT = Predictor.load()
+PREDICTOR: Any = DEFAULT
+FORECAST: Any = forecast
+RANK: Any = rank_maneuvers
+ORDERS: Any = crossing_orders
+"""The same, for calls that no type checker would let pass."""
 
 
 @pytest.mark.parametrize(
     ("call", "message"),
     [
-        (lambda: rank_maneuvers(TRAFFIC, DEFAULT), "predictor is of type Traffic; wanted a Predictor"),
-        (lambda: forecast(TRAFFIC, DEFAULT), "predictor is of type Traffic; wanted a Predictor"),
-        (lambda: forecast(DEFAULT, [Vehicle("a", "SE-NW", 90.0, 12.0)]), "traffic is of type list; wanted a Traffic"),
-        (lambda: DEFAULT.predict([]), "traffic is of type list; wanted a Traffic"),
-        (lambda: DEFAULT.observe("bendplatz"), "traffic is of type str; wanted a Traffic"),
-        (lambda: DEFAULT.patience_of(None), "traffic is of type NoneType; wanted a Traffic"),
-        (lambda: next(crossing_orders(DEFAULT)), "traffic is of type Predictor; wanted a Traffic"),
-        (lambda: next(crossing_orders(TRAFFIC, batch=2.5)), "batch is 2.5; wanted a whole number"),
-        (lambda: forecast(DEFAULT, TRAFFIC, most=None), "most is None; wanted a whole number"),
-        (lambda: forecast(DEFAULT, TRAFFIC, mass="0.9"), "mass is '0.9'; wanted a number"),
-        (lambda: forecast(DEFAULT, TRAFFIC, seconds="1"), "seconds is '1'; wanted a number"),
-        (lambda: rank_maneuvers(DEFAULT, TRAFFIC, seconds=True), "seconds is True; wanted a number"),
+        (lambda: RANK(TRAFFIC, DEFAULT), "predictor is of type Traffic; wanted a Predictor"),
+        (lambda: FORECAST(TRAFFIC, DEFAULT), "predictor is of type Traffic; wanted a Predictor"),
+        (lambda: FORECAST(DEFAULT, [Vehicle("a", "SE-NW", 90.0, 12.0)]), "traffic is of type list; wanted a Traffic"),
+        (lambda: PREDICTOR.predict([]), "traffic is of type list; wanted a Traffic"),
+        (lambda: PREDICTOR.observe("bendplatz"), "traffic is of type str; wanted a Traffic"),
+        (lambda: PREDICTOR.patience_of(None), "traffic is of type NoneType; wanted a Traffic"),
+        (lambda: next(ORDERS(DEFAULT)), "traffic is of type Predictor; wanted a Traffic"),
+        (lambda: next(ORDERS(TRAFFIC, batch=2.5)), "batch is 2.5; wanted a whole number"),
+        (lambda: FORECAST(DEFAULT, TRAFFIC, most=None), "most is None; wanted a whole number"),
+        (lambda: FORECAST(DEFAULT, TRAFFIC, mass="0.9"), "mass is '0.9'; wanted a number"),
+        (lambda: FORECAST(DEFAULT, TRAFFIC, seconds="1"), "seconds is '1'; wanted a number"),
+        (lambda: RANK(DEFAULT, TRAFFIC, seconds=True), "seconds is True; wanted a number"),
     ],
 )
 def test_a_prediction_s_argument_of_another_type_is_named(call: Callable[[], Any], message: str) -> None:

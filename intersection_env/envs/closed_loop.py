@@ -200,7 +200,7 @@ class ClosedLoop(ParallelEnv[str, Array, Array]):
         self.max_cycles = max_cycles
         self.ends_together = ends_together
         self.np_random, self.np_random_seed = seeding.np_random()
-        self._made_with = {"map": map, "vehicles": vehicles, "gap": gap, "bodies": bodies}
+        self._made_with: dict[str, Any] = {"map": map, "vehicles": vehicles, "gap": gap, "bodies": bodies}
         self._bind(self._worlds_until(max_cycles))
         self._worlds_end = max_cycles
         self.possible_agents = [f"vehicle_{slot}" for slot in range(self._action.shape[0])]
