@@ -3,7 +3,7 @@
 python -m data.minari --scenes bendplatz --split train
 
 Every car and truck that is recorded for 1 s or more drives through `Replay` by its recorded accelerations, as far as
-the environment's 6 m/s² go. Needs `pip install "minari[hdf5]"`.
+the environment's 6 m/s² go. Needs `pip install "minari[hdf5]" pillow`, as Minari asks for Pillow without saying so.
 """
 
 from __future__ import annotations
@@ -130,7 +130,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         data_set = write_data_set(name, options.scenes, split, options.out)
     except ModuleNotFoundError as error:
-        print(f'error: {error}: pip install "minari[hdf5]"', file=sys.stderr)
+        print(f'error: {error}: pip install "minari[hdf5]" pillow', file=sys.stderr)
         return 1
     except (ValueError, OSError) as error:
         print(f"error: {error}", file=sys.stderr)

@@ -185,7 +185,7 @@ def overlaps(map: Map, traffic: Traffic) -> list[tuple[int, int]]:
 def doubted_speeds(map: Map, traffic: Traffic) -> list[int]:
     """The vehicles that are faster than anybody drives there: km/h for m/s."""
 
-def collision(map: Map, traffic: Traffic) -> tuple[int, int] | None:
+def collision(map: Map, traffic: Traffic, bodies: str = 'circles') -> tuple[int, int] | None:
     """
     The first two vehicles that collide, now or once both have braked fully, or None.
     """
@@ -289,7 +289,7 @@ class ClosedLoop:
     Closed-loop worlds; the arrays are views of what the next step overwrites.
     """
 
-    def __init__(self, map: Map, policy: Policy, worlds: int, vehicles: int, max_cycles: int, autoreset: str, threads: int, isa: str | None = None) -> None: ...
+    def __init__(self, map: Map, policy: Policy, worlds: int, vehicles: int, max_cycles: int, autoreset: str, threads: int, isa: str | None = None, bodies: str = 'circles') -> None: ...
 
     def reset(self, seed: int, desynchronise: bool) -> None: ...
 
@@ -334,7 +334,7 @@ class ClosedLoop:
 class Replay:
     """Replay worlds; the arrays are views of what the next step overwrites."""
 
-    def __init__(self, map: Map, policy: Policy, recording: bool, scenes: dict[str, Any], actors: Annotated[NDArray[numpy.int32], dict(shape=(None,), order='C', device='cpu', writable=False)], worlds: int, autoreset: str, threads: int, isa: str | None = None) -> None: ...
+    def __init__(self, map: Map, policy: Policy, recording: bool, scenes: dict[str, Any], actors: Annotated[NDArray[numpy.int32], dict(shape=(None,), order='C', device='cpu', writable=False)], worlds: int, autoreset: str, threads: int, isa: str | None = None, bodies: str = 'circles') -> None: ...
 
     def reset(self, seed: int, desynchronise: bool) -> None: ...
 

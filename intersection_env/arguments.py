@@ -26,6 +26,38 @@ def whole_number(name: str, value: object) -> int:
     return int(value)
 
 
+def number(name: str, value: object) -> float:
+    """The value of an argument that measures something; what range it may have is for its owner to check.
+
+    Raises:
+        TypeError: no number; True and False are none either.
+    """
+    if not isinstance(value, int | float | np.integer | np.floating) or isinstance(value, bool):
+        raise TypeError(f"{name} is {value!r}; wanted a number")
+    return float(value)
+
+
+def word(name: str, value: object, known: Sequence[str]) -> str:
+    """The value of an argument that is one of some words; which of them there are is for its owner to check.
+
+    Raises:
+        TypeError: no string.
+    """
+    if not isinstance(value, str):
+        raise TypeError(f"{name} is {value!r}; wanted {' or '.join(known)}")
+    return value
+
+
+def check_type(name: str, value: object, wanted: type) -> None:
+    """Refuses what is of another type, such as arguments in the wrong order.
+
+    Raises:
+        TypeError: it is.
+    """
+    if not isinstance(value, wanted):
+        raise TypeError(f"{name} is of type {type(value).__name__}; wanted a {wanted.__name__}")
+
+
 def name_or_file(name: str, value: object, ships: Sequence[str]) -> Path:
     """The value of an argument that says what ships, by its name, or a file.
 

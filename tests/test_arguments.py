@@ -9,7 +9,18 @@ from typing import Any
 import numpy as np
 import pytest
 
-from intersection_env import ClosedLoop, ClosedLoopWorlds, Intersection, Predictor, Replay, ReplayVector, Scenes
+from intersection_env import (
+    ClosedLoop,
+    ClosedLoopWorlds,
+    Intersection,
+    Predictor,
+    Replay,
+    ReplayVector,
+    Scenes,
+    crossing_orders,
+    forecast,
+    rank_maneuvers,
+)
 from intersection_env.maps.__main__ import main as compile_maps
 from intersection_env.policies.named import gap_decider
 from intersection_env.traffic import Traffic, Vehicle
@@ -67,6 +78,60 @@ def test_closed_loops_name_the_argument_that_is_wrong() -> None:
         ClosedLoop(map=["bendplatz"])  # type: ignore[arg-type]
     with pytest.raises(TypeError, match=r"^map is 3; wanted a name"):
         ClosedLoopWorlds(worlds=2, map=3)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("make", [ClosedLoop, ClosedLoopWorlds, Replay, ReplayVector])
+def test_words_that_are_none_are_refused_by_the_argument_s_name(make: Callable[..., Any]) -> None:
+    with pytest.raises(TypeError, match=r"^bodies is None; wanted circles or rectangles"):
+        make(bodies=None)
+
+
+def test_batched_worlds_name_an_autoreset_that_is_no_word() -> None:
+    with pytest.raises(TypeError, match=r"^autoreset is True; wanted off or same_step or next_step"):
+        ClosedLoopWorlds(autoreset=True)  # type: ignore[arg-type]
+
+
+TRAFFIC = Traffic.of(
+    Intersection.load("bendplatz"), [Vehicle("a", "SE-NW", 90.0, 12.0), Vehicle("b", "SW-NE", 75.0, 6.0)]
+)
+DEFAULT = Predictor.load()
+PREDICTOR: Any = DEFAULT
+FORECAST: Any = forecast
+RANK: Any = rank_maneuvers
+ORDERS: Any = crossing_orders
+"""The same, for calls that no type checker would let pass."""
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda: RANK(TRAFFIC, DEFAULT), "predictor is of type Traffic; wanted a Predictor"),
+        (lambda: FORECAST(TRAFFIC, DEFAULT), "predictor is of type Traffic; wanted a Predictor"),
+        (lambda: FORECAST(DEFAULT, [Vehicle("a", "SE-NW", 90.0, 12.0)]), "traffic is of type list; wanted a Traffic"),
+        (lambda: PREDICTOR.predict([]), "traffic is of type list; wanted a Traffic"),
+        (lambda: PREDICTOR.observe("bendplatz"), "traffic is of type str; wanted a Traffic"),
+        (lambda: PREDICTOR.patience_of(None), "traffic is of type NoneType; wanted a Traffic"),
+        (lambda: next(ORDERS(DEFAULT)), "traffic is of type Predictor; wanted a Traffic"),
+        (lambda: next(ORDERS(TRAFFIC, batch=2.5)), "batch is 2.5; wanted a whole number"),
+        (lambda: FORECAST(DEFAULT, TRAFFIC, most=None), "most is None; wanted a whole number"),
+        (lambda: FORECAST(DEFAULT, TRAFFIC, mass="0.9"), "mass is '0.9'; wanted a number"),
+        (lambda: FORECAST(DEFAULT, TRAFFIC, seconds="1"), "seconds is '1'; wanted a number"),
+        (lambda: RANK(DEFAULT, TRAFFIC, seconds=True), "seconds is True; wanted a number"),
+    ],
+)
+def test_a_prediction_s_argument_of_another_type_is_named(call: Callable[[], Any], message: str) -> None:
+    with pytest.raises(TypeError, match=f"^{message}"):
+        call()
+
+
+def test_a_limit_that_is_another_word_is_refused_beside_those_there_are() -> None:
+    with pytest.raises(ValueError, match=r"^limit is 'all'; wanted a whole number, None or \"cycle\""):
+        rank_maneuvers(DEFAULT, TRAFFIC, limit="all")  # type: ignore[arg-type]
+
+
+def test_forecasts_and_rankings_take_all_orders_alike() -> None:
+    assert forecast(DEFAULT, TRAFFIC, limit=None).feasible == 2
+    assert rank_maneuvers(DEFAULT, TRAFFIC, limit=None)["intervention"].sum() == 2
 
 
 def test_a_traffic_wants_a_loaded_map() -> None:

@@ -160,7 +160,7 @@ class ClosedLoopEnv(_WorldsEnv):
         Args:
             map: a map's name or file, or the map itself.
             desynchronise: the first reset, and that after each `set_seed`, begins in the midst of episodes.
-            arguments: worlds, vehicles, gap, max_cycles, threads and isa, as of `ClosedLoopWorlds`.
+            arguments: worlds, vehicles, gap, max_cycles, bodies, threads and isa, as of `ClosedLoopWorlds`.
         """
         worlds = ClosedLoopWorlds(map, autoreset="same_step", **arguments)
         fastest = max(float(route.samples[:, Sample.V_MAX].max()) for route in worlds.intersection.routes)
@@ -191,7 +191,7 @@ class ReplayEnv(_WorldsEnv):
         Args:
             scenes: a scenes file's name or path, or the scenes themselves.
             desynchronise: as of `ClosedLoopEnv`.
-            arguments: map, split, gap, worlds, threads and isa, as of `ReplayWorlds`.
+            arguments: map, split, gap, worlds, bodies, threads and isa, as of `ReplayWorlds`.
         """
         worlds = ReplayWorlds(scenes, autoreset="same_step", **arguments)
         box = observation_space(worlds.intersection, worlds.tracks.fastest, backing=False)

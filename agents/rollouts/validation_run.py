@@ -14,6 +14,7 @@ from intersection_env.constants import DT
 from intersection_env.features import Driving
 from intersection_env.maps.intersection import Intersection
 from intersection_env.worlds.closed_loop import ClosedLoopWorlds
+from intersection_env.worlds.life import Bodies
 
 STEPS = 10_000  # 2000 s; paper, Section IV-B.2
 MEAN_ONLY = 1e-6
@@ -46,6 +47,7 @@ def validation_run(
     worlds: int = 1,
     steps: int = STEPS,
     vehicles: int = 12,
+    bodies: Bodies = "circles",
     watch: Callable[[TensorDict], None] | None = None,
 ) -> ValidationRun:
     """Drives by the mean action; worlds that end start anew.
@@ -58,12 +60,13 @@ def validation_run(
         worlds: side by side.
         steps: of each.
         vehicles: in each.
+        bodies: by which they collide, as of `ClosedLoopWorlds`.
         watch: is shown each part of the run, as `Rollouts.collect` gives it.
 
     Raises:
         ValueError, OSError: as of `ClosedLoopWorlds`.
     """
-    simulated = ClosedLoopWorlds(map, worlds=worlds, vehicles=vehicles, gap=gap)
+    simulated = ClosedLoopWorlds(map, worlds=worlds, vehicles=vehicles, gap=gap, bodies=bodies)
     simulated.reset(seed, desynchronise=worlds > 1)
     driver = Driver(policy, DrivingNetwork(), MEAN_ONLY)
     reward = kept = speed = 0.0

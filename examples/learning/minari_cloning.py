@@ -1,12 +1,12 @@
 """Behaviour cloning of the recorded drivers, from a Minari data set, judged in the environment that it came from.
 
-make setup && .venv/bin/pip install "minari[hdf5]"
+make setup && .venv/bin/pip install "minari[hdf5]" pillow
 .venv/bin/python -m data.minari
 .venv/bin/python examples/learning/minari_cloning.py
 """
 
 # /// script
-# dependencies = ["intersection_env", "minari[hdf5]", "torch"]
+# dependencies = ["intersection_env", "minari[hdf5]", "pillow", "torch"]
 # ///
 
 from __future__ import annotations

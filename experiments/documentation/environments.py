@@ -52,7 +52,7 @@ same functions of the core in the predictor, in the closed loop and in the repla
 runs whole rollouts with policy and value network inside the core.
 """
 REWARD = re.compile(
-    r"(?<=^### Reward\n\n)The paper's Table II;.*?if both braked with 4 m/s²\.", re.DOTALL | re.MULTILINE
+    r"(?<=^### Reward\n\n)The paper's Table II;.*?the vehicle's length and width\.", re.DOTALL | re.MULTILINE
 )
 SAME_REWARD = "[The same](#the-reward) in both environments."
 BATCH = """```python

@@ -32,6 +32,7 @@ from intersection_env.maps.intersection import Intersection
 from intersection_env.plots.files import write_figure
 from intersection_env.prediction.predictor import Predictor
 from intersection_env.scenes.places import PAPERS_SCENES
+from intersection_env.worlds.life import Bodies
 
 SEED = 2**41  # of no training
 VEHICLES = 12
@@ -53,6 +54,8 @@ class Options:
     """Names of shipped policies, or policy files, with a driving network."""
     gaps: tuple[str, ...] = ("gap", "critical_gap")
     """Who decides about gaps, in turn."""
+    bodies: Bodies = "circles"
+    """By which vehicles collide: the paper's circles, or rectangles."""
     split: Literal["development", "validation"] = "development"
     """Whose recorded accelerations."""
     out: Path = Path("experiments/results")
@@ -67,6 +70,7 @@ def closed_loop_results(
     recorded: NDArray[np.float32],
     worlds: int = WORLDS,
     map: str | Path | Intersection = "bendplatz",
+    bodies: Bodies = "circles",
 ) -> dict[str, Any]:
     """How these drivers do.
 
@@ -76,6 +80,7 @@ def closed_loop_results(
         recorded: (step,) accelerations of recorded vehicles [m/s²].
         worlds: of the longer run.
         map: where they drive.
+        bodies: by which they collide.
 
     Returns:
         Under "drivers", by predictor and by who decides about gaps: the figures of one run of 2000 s and, under
@@ -98,10 +103,9 @@ def closed_loop_results(
                 def watch(data: TensorDict, seen: list[NDArray[np.floating]] = seen) -> None:
                     seen.append(ACCELERATION * torch.tanh(data["action"]).numpy().ravel())
 
-                once = validation_run(policy, map=map, gap=gap, seed=SEED, vehicles=VEHICLES)
-                longer = validation_run(
-                    policy, map=map, gap=gap, seed=SEED, vehicles=VEHICLES, worlds=worlds, watch=watch
-                )
+                where: dict[str, Any] = {"map": map, "gap": gap, "vehicles": VEHICLES, "bodies": bodies}
+                once = validation_run(policy, seed=SEED, **where)
+                longer = validation_run(policy, seed=SEED, worlds=worlds, watch=watch, **where)
                 drivers[predictor.name][name] = dataclasses.asdict(once) | {"longer": _longer(longer)}
                 if predictor.name not in accelerations:
                     accelerations[predictor.name] = _spread(np.concatenate(seen))
@@ -154,6 +158,7 @@ def main(options: Options) -> int:
                 dict(zip(options.gaps, options.gaps, strict=True)),
                 expert_steps(place, options.split).acceleration,
                 map=place.intersection,
+                bodies=options.bodies,
             )
             print(f"{name}: {WORLDS} worlds of {VEHICLES} vehicles, {STEPS} steps\n{runs_text(results)}")
             if options.figure:

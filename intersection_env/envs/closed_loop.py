@@ -21,7 +21,7 @@ from intersection_env.envs.spaces import action_space, observation_space
 from intersection_env.envs.view import FRAMES_PER_SECOND, RENDER_MODES, View
 from intersection_env.maps.intersection import Intersection, Sample
 from intersection_env.worlds.closed_loop import ClosedLoopWorlds
-from intersection_env.worlds.life import fresh_seed
+from intersection_env.worlds.life import Bodies, fresh_seed
 
 Array = NDArray[np.float32]
 Steps = tuple[dict[str, Array], dict[str, float], dict[str, bool], dict[str, bool], dict[str, dict[str, Any]]]
@@ -120,8 +120,9 @@ class ClosedLoop(ParallelEnv[str, Array, Array]):
     | to blame for a collision | -5000 |
 
     v_min = min(v_max, sqrt(2 · 1 m/s² · d)), where d is d_lead, or the smaller of d_lead and d_stop where delta = 0:
-    who could go on has to. Two vehicles collide where less than 0.5 m remain between the two circles that stand for
-    each of them, now, or if both braked with 4 m/s².
+    who could go on has to. Two vehicles collide where less than 0.5 m remain between their bodies, now, or if both
+    braked with 4 m/s². A body is the paper's two circles by default, which leave the ends of a long vehicle and the
+    middle of its sides uncovered; with `bodies="rectangles"` it is a rectangle of the vehicle's length and width.
 
     ## Start
 
@@ -156,6 +157,7 @@ class ClosedLoop(ParallelEnv[str, Array, Array]):
     | `max_cycles` | 2000 | steps after which the world ends; a change takes effect with the next reset |
     | `render_mode` | `None` | `"rgb_array"` or `"human"` |
     | `ends_together` | `False` | whether a world's end truncates those who terminate too, see above |
+    | `bodies` | `"circles"` | what stands for a vehicle in collisions: `"circles"` or `"rectangles"`, see the reward |
 
     Gaps are decided by a rule, `"critical_gap"` (6 s where paths cross, 4 s where they merge) or `"sumo"`, or by the
     gap network of a policy: the name of one that ships (`"gap"`) or a `.policy` file.
@@ -184,6 +186,7 @@ class ClosedLoop(ParallelEnv[str, Array, Array]):
         max_cycles: int = 2000,
         render_mode: str | None = None,
         ends_together: bool = False,
+        bodies: Bodies = "circles",
     ) -> None:
         """The environment; the class says what the arguments mean.
 
@@ -197,8 +200,8 @@ class ClosedLoop(ParallelEnv[str, Array, Array]):
         self.max_cycles = max_cycles
         self.ends_together = ends_together
         self.np_random, self.np_random_seed = seeding.np_random()
-        self._map, self._gap = map, gap
-        self._bind(ClosedLoopWorlds(map, vehicles=vehicles, gap=gap, max_cycles=max_cycles, autoreset="off"))
+        self._made_with: dict[str, Any] = {"map": map, "vehicles": vehicles, "gap": gap, "bodies": bodies}
+        self._bind(self._worlds_until(max_cycles))
         self._worlds_end = max_cycles
         self.possible_agents = [f"vehicle_{slot}" for slot in range(self._action.shape[0])]
         self._nobody = dict.fromkeys(self.possible_agents, False)
@@ -295,15 +298,17 @@ class ClosedLoop(ParallelEnv[str, Array, Array]):
         self._terminated, self._truncated = worlds.terminated[0], worlds.truncated[0]
         self._reinserted = worlds.reinserted[0]
 
+    def _worlds_until(self, max_cycles: int) -> ClosedLoopWorlds:
+        return ClosedLoopWorlds(**self._made_with, max_cycles=max_cycles, autoreset="off")
+
     def _change_end(self) -> None:
-        vehicles, end = len(self.possible_agents), self.max_cycles
-        worlds = ClosedLoopWorlds(self._map, vehicles=vehicles, gap=self._gap, max_cycles=end, autoreset="off")
+        worlds = self._worlds_until(self.max_cycles)
         if self._worlds.is_reset:
             # Only the random stream matters, as a start follows; the cycle may lie beyond the new end.
             state = self._worlds.state()
             worlds.set_state(state | {"cycle": np.zeros_like(state["cycle"])})
         self._bind(worlds)
-        self._worlds_end = end
+        self._worlds_end = self.max_cycles
 
     def _end(self, rewards: dict[str, float]) -> Steps:
         """What the step that ended the world gives: the last observations of all."""

@@ -19,7 +19,7 @@ from intersection_env.envs.spec import by_name
 from intersection_env.envs.view import FRAMES_PER_SECOND, RENDER_MODES, View
 from intersection_env.maps.intersection import Intersection
 from intersection_env.scenes.scenes import Scenes
-from intersection_env.worlds.life import fresh_seed
+from intersection_env.worlds.life import Bodies, fresh_seed
 from intersection_env.worlds.replay import ReplayWorlds
 
 Array = NDArray[np.float32]
@@ -112,9 +112,11 @@ class Replay(gymnasium.Env[Array, Array]):
     | to blame for a collision | -5000 |
 
     v_min = min(v_max, sqrt(2 · 1 m/s² · d)), where d is d_lead, or the smaller of d_lead and d_stop where delta = 0:
-    who could go on has to. Two vehicles collide where less than 0.5 m remain between the two circles that stand for
-    each of them, now, or if both braked with 4 m/s². With recorded decisions, the one to blame is the one that went
-    second in the recording; whoever follows the acting vehicle is no concern of its.
+    who could go on has to. Two vehicles collide where less than 0.5 m remain between their bodies, now, or if both
+    braked with 4 m/s². A body is the paper's two circles by default, which leave the ends of a long vehicle and the
+    middle of its sides uncovered; with `bodies="rectangles"` it is a rectangle of the vehicle's length and width. With
+    recorded decisions, the one to blame is the one that went second in the recording; whoever follows the acting
+    vehicle is no concern of its.
 
     ## Info
 
@@ -149,6 +151,7 @@ class Replay(gymnasium.Env[Array, Array]):
     | `split` | `"train"` | `"train"`, `"development"`, `"validation"`, or `None` for all |
     | `gap` | `"recording"` | who decides about gaps, see below |
     | `render_mode` | `None` | `"rgb_array"` or `"human"` |
+    | `bodies` | `"circles"` | what stands for a vehicle in collisions: `"circles"` or `"rectangles"`, see the reward |
 
     Gaps are decided as in the `"recording"`, by a rule, `"critical_gap"` (6 s where paths cross, 4 s where they merge)
     or `"sumo"`, or by the gap network of a policy: the name of one that ships (`"gap"`) or a `.policy` file.
@@ -168,6 +171,7 @@ class Replay(gymnasium.Env[Array, Array]):
         gap: str | Path = "recording",
         render_mode: str | None = None,
         map: str | Path | Intersection | None = None,
+        bodies: Bodies = "circles",
     ) -> None:
         """The environment; the class says what the arguments mean.
 
@@ -177,7 +181,7 @@ class Replay(gymnasium.Env[Array, Array]):
         """
         self.render_mode = render_mode
         self._view = View(render_mode)
-        self._worlds = ReplayWorlds(scenes, map=map, split=split, gap=gap, autoreset="off")
+        self._worlds = ReplayWorlds(scenes, map=map, split=split, gap=gap, bodies=bodies, autoreset="off")
         self._is_over = True
         self.action_space = action_space()
         self.observation_space = observation_space(

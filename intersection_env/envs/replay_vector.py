@@ -21,7 +21,7 @@ from intersection_env.envs.spec import by_name
 from intersection_env.envs.view import FRAMES_PER_SECOND, View
 from intersection_env.maps.intersection import Intersection
 from intersection_env.scenes.scenes import Scenes
-from intersection_env.worlds.life import Autoreset, fresh_seed
+from intersection_env.worlds.life import Autoreset, Bodies, fresh_seed
 from intersection_env.worlds.replay import ReplayWorlds
 
 Array = NDArray[Any]
@@ -43,7 +43,7 @@ class ReplayVector(VectorEnv[Array, Array, Array]):
     | argument | default | meaning |
     |---|---|---|
     | `num_envs` | 1 | how many worlds |
-    | `scenes`, `map`, `split`, `gap` | | as in `Replay` |
+    | `scenes`, `map`, `split`, `gap`, `bodies` | | as in `Replay` |
     | `autoreset_mode` | `"NextStep"` | an `AutoresetMode` or its value, see below |
     | `threads` | 1 | how many step the worlds, 0: one a core; they do not change what happens |
     | `render_mode` | `None` | `"rgb_array"` |
@@ -73,6 +73,7 @@ class ReplayVector(VectorEnv[Array, Array, Array]):
         render_mode: str | None = None,
         max_episode_steps: int | None = None,
         map: str | Path | Intersection | None = None,
+        bodies: Bodies = "circles",
     ) -> None:
         """The environment; the class says what the arguments mean.
 
@@ -95,7 +96,14 @@ class ReplayVector(VectorEnv[Array, Array, Array]):
         # "SameStep" is made from "off" and a reset, since the core's own would overwrite the final info.
         autoreset: Autoreset = "next_step" if self.autoreset_mode is AutoresetMode.NEXT_STEP else "off"
         self._worlds = ReplayWorlds(
-            scenes, map=map, split=split, gap=gap, worlds=num_envs, autoreset=autoreset, threads=threads
+            scenes,
+            map=map,
+            split=split,
+            gap=gap,
+            worlds=num_envs,
+            bodies=bodies,
+            autoreset=autoreset,
+            threads=threads,
         )
         tracks = self._worlds.tracks
         self._seconds = np.round(np.arange(int(tracks.arrays["scene_steps"].max()) + 1) * DT, 1).astype(np.float32)

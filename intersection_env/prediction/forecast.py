@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from intersection_env import _core
-from intersection_env.arguments import whole_number
+from intersection_env.arguments import check_type, number, whole_number
 from intersection_env.prediction.maneuvers import LIMIT, in_words, seconds_budget
 from intersection_env.prediction.noise import Noise, drawn, on_pairs, still_open
 from intersection_env.prediction.predictor import Prediction, Predictor, Priorities, as_assignments
@@ -135,23 +135,26 @@ def forecast(
         noise: by what the traffic may err; without, it is taken at its word.
 
     Raises:
-        TypeError: priorities of another dtype, or a `most` or `limit` that is no whole number.
+        TypeError: an argument of another type, or priorities of another dtype.
         ValueError: a policy without an order network; priorities that are refused, or of several scenarios; a limit
             out of range; or no traffic could be drawn in which nobody overlaps.
     """
+    check_type("predictor", predictor, Predictor)
+    check_type("traffic", traffic, Traffic)
     if not predictor.core_policy.can_forecast:
         raise ValueError(
             f'the policy "{predictor.name}" holds no order network; `python -m agents.orders` adds one to a policy file'
         )
-    for name, value in (("most", most), ("limit", limit)):
-        if value is not None and whole_number(name, value) < 1:
+    counts: dict[str, object] = {"most": most} if limit is None else {"most": most, "limit": limit}
+    for name, value in counts.items():
+        if whole_number(name, value) < 1:
             raise ValueError(f"{name} must be at least 1, not {value}")
     if noise is not None and not isinstance(noise, Noise):
         raise TypeError(f"noise must be a Noise, not {noise!r}")
     given = as_assignments(traffic, priorities)
     if len(given) != 1:
         raise ValueError(f"priorities of a forecast are of one scenario, not of {len(given)}")
-    budget = mass, most, sys.maxsize if limit is None else limit, seconds_budget(seconds)
+    budget = number("mass", mass), most, sys.maxsize if limit is None else limit, seconds_budget(seconds)
     if noise is None:
         return _forecast(predictor, traffic, given[0], budget)
     generator = np.random.default_rng(noise.seed)

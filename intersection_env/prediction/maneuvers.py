@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from intersection_env import _core
-from intersection_env.arguments import whole_number
+from intersection_env.arguments import check_type, number, whole_number
 from intersection_env.prediction.predictor import Predictor
 from intersection_env.traffic import Traffic
 
@@ -46,10 +46,11 @@ def crossing_orders(
         batch: orders a batch, at most.
 
     Raises:
-        TypeError: `cooperative` is one id, or `preferred` no int8.
+        TypeError: an argument of another type, `cooperative` is one id, or `preferred` no int8.
         ValueError: an unknown vehicle, a batch below 1, or a `preferred` of another shape.
     """
-    if batch < 1:
+    check_type("traffic", traffic, Traffic)
+    if whole_number("batch", batch) < 1:
         raise ValueError(f"batch must be at least 1, not {batch}")
     search = _search(traffic, cooperative, preferred)
     while len(orders := search.next(batch)):
@@ -94,12 +95,14 @@ def rank_maneuvers(
         `Predictor.predict` takes them; `Traffic.words` names them).
 
     Raises:
-        TypeError: `cooperative` is one id, not a collection of them.
+        TypeError: an argument of another type, or `cooperative` is one id, not a collection of them.
         ValueError: an unknown vehicle, a limit below 1, seconds not above 0, an unknown `by`, or an expectation of a
             policy without an order network.
     """
     import pandas as pd
 
+    check_type("predictor", predictor, Predictor)
+    check_type("traffic", traffic, Traffic)
     most = _most(limit)
     if by not in (*RANKED_BY, None):
         raise ValueError(f'by must be "expectation", "prediction" or None, not {by!r}')
@@ -126,6 +129,8 @@ def _most(limit: int | Literal["cycle"] | None) -> int | None:
         return None
     if limit is None:
         return ALL
+    if isinstance(limit, str):
+        raise ValueError(f'limit is {limit!r}; wanted a whole number, None or "cycle"')
     if whole_number("limit", limit) < 1:
         raise ValueError(f"limit must be at least 1, not {limit}")
     return int(limit)
@@ -133,7 +138,7 @@ def _most(limit: int | Literal["cycle"] | None) -> int | None:
 
 def seconds_budget(seconds: float | None) -> float:
     """As the core takes a time that may be spent: without one, infinite."""
-    if seconds is not None and not seconds > 0.0:
+    if seconds is not None and not number("seconds", seconds) > 0.0:
         raise ValueError(f"seconds must be above 0, not {seconds}")
     return np.inf if seconds is None else float(seconds)
 

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from intersection_env import _core
-from intersection_env.arguments import whole_number
+from intersection_env.arguments import check_type, whole_number
 from intersection_env.constants import DT, STEPS
 from intersection_env.maps.intersection import Intersection
 from intersection_env.policies.file import PolicyFile
@@ -226,10 +226,11 @@ class Predictor:
             trajectories: False returns the `Summary` alone, faster.
 
         Raises:
-            TypeError: priorities of another dtype.
+            TypeError: no traffic, or priorities of another dtype.
             ValueError: an unknown vehicle, a pair that does not conflict, or an assignment that contradicts
                 itself, the lane order, or what a vehicle can still do.
         """
+        check_type("traffic", traffic, Traffic)
         assignments = as_assignments(traffic, priorities)
         with naming(traffic.ids):
             bound = self.bound_to(traffic.intersection)
@@ -257,6 +258,7 @@ class Predictor:
 
     def observe(self, traffic: Traffic) -> Observation:
         """What every vehicle sees and decides at this moment, without intervention."""
+        check_type("traffic", traffic, Traffic)
         driving, gap, accepts = self.bound_to(traffic.intersection).observe(traffic.core)
         return Observation(driving, gap, accepts.view(np.bool_))
 
@@ -282,6 +284,7 @@ class Predictor:
         Raises:
             ValueError: no network decides about gaps; or a level out of range.
         """
+        check_type("traffic", traffic, Traffic)
         each = np.ascontiguousarray(np.broadcast_to(np.asarray(levels, np.float64), len(traffic)))
         return self.bound_to(traffic.intersection).patience(traffic.core, each)
 

@@ -11,7 +11,7 @@ from intersection_env import _core
 from intersection_env.arguments import whole_number
 from intersection_env.maps.intersection import Intersection
 from intersection_env.policies.named import gap_decider
-from intersection_env.worlds.life import Autoreset, Worlds
+from intersection_env.worlds.life import Autoreset, Bodies, Worlds
 
 
 class ClosedLoopWorlds(Worlds):
@@ -39,6 +39,7 @@ class ClosedLoopWorlds(Worlds):
         vehicles: int = 12,
         gap: str | Path = "critical_gap",
         max_cycles: int = 2000,
+        bodies: Bodies = "circles",
         autoreset: Autoreset = "same_step",
         threads: int = 1,
         isa: str | None = None,
@@ -51,6 +52,7 @@ class ClosedLoopWorlds(Worlds):
             vehicles: slots in each world, 1 to 64.
             gap: who decides about gaps: `"critical_gap"`, `"sumo"`, or a policy (name or file) with a gap network.
             max_cycles: steps after which a world ends.
+            bodies: what stands for a vehicle in collisions: `"circles"`, the paper's two, or `"rectangles"`, all of it.
             autoreset: `"off"`: a world that is done stays as it is until reset; `"same_step"`: it starts anew at once;
                 `"next_step"`: it starts anew with the next step, whose action it ignores.
             threads: how many step the worlds, 0: one a core. They do not change what happens.
@@ -70,6 +72,7 @@ class ClosedLoopWorlds(Worlds):
                 "vehicles": vehicles,
                 "gap": gap,
                 "max_cycles": max_cycles,
+                "bodies": bodies,
                 "autoreset": autoreset,
                 "threads": threads,
                 "isa": isa,
@@ -82,5 +85,5 @@ class ClosedLoopWorlds(Worlds):
         self._bind("terminated", "truncated", "reinserted", "done")
 
     def _made(self, worlds: int) -> _core.ClosedLoop:
-        given = (self._arguments[name] for name in ("vehicles", "max_cycles", "autoreset", "threads", "isa"))
+        given = (self._arguments[name] for name in ("vehicles", "max_cycles", "autoreset", "threads", "isa", "bodies"))
         return _core.ClosedLoop(self.intersection.core, self.policy, worlds, *given)

@@ -7,16 +7,17 @@ read the others, and copy what is to outlive the next step. `ClosedLoop` and `Re
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
 from intersection_env import _core
-from intersection_env.arguments import check_seed
+from intersection_env.arguments import check_seed, word
 from intersection_env.worlds.state import check_state
 
 Autoreset = Literal["off", "same_step", "next_step"]
+Bodies = Literal["circles", "rectangles"]
 
 
 class Worlds:
@@ -31,6 +32,8 @@ class Worlds:
     truncated: NDArray[np.bool_]
 
     def __init__(self, arguments: dict[str, Any]) -> None:
+        for name, known in (("autoreset", Autoreset), ("bodies", Bodies)):
+            word(name, arguments[name], get_args(known))
         self._arguments = arguments
         self.is_reset = False
         """Whether there has been a first `reset`."""

@@ -12,7 +12,7 @@ from intersection_env.arguments import whole_number
 from intersection_env.maps.intersection import Intersection
 from intersection_env.policies.named import gap_decider
 from intersection_env.scenes.scenes import Scenes
-from intersection_env.worlds.life import Autoreset, Worlds
+from intersection_env.worlds.life import Autoreset, Bodies, Worlds
 from intersection_env.worlds.recorded_tracks import RecordedTracks
 
 
@@ -45,6 +45,7 @@ class ReplayWorlds(Worlds):
         split: str | None = "train",
         gap: str | Path = "recording",
         worlds: int = 1,
+        bodies: Bodies = "circles",
         autoreset: Autoreset = "same_step",
         threads: int = 1,
         isa: str | None = None,
@@ -56,7 +57,7 @@ class ReplayWorlds(Worlds):
             map: the map that the scenes lie on, its name or its file; None: one that ships.
             split: `"train"`, `"development"`, `"validation"`, or None for all scenes.
             gap: who decides about gaps: the `"recording"`, or as in `ClosedLoopWorlds`.
-            worlds, autoreset, threads, isa: as in `ClosedLoopWorlds`.
+            worlds, bodies, autoreset, threads, isa: as in `ClosedLoopWorlds`.
 
         Raises:
             FileNotFoundError: there is no such file.
@@ -71,6 +72,7 @@ class ReplayWorlds(Worlds):
                 "split": split,
                 "gap": gap,
                 "worlds": worlds,
+                "bodies": bodies,
                 "autoreset": autoreset,
                 "threads": threads,
                 "isa": isa,
@@ -97,7 +99,7 @@ class ReplayWorlds(Worlds):
 
     def _made(self, worlds: int) -> _core.Replay:
         tracks = self.tracks
-        given = (self._arguments[name] for name in ("autoreset", "threads", "isa"))
+        given = (self._arguments[name] for name in ("autoreset", "threads", "isa", "bodies"))
         return _core.Replay(
             self.intersection.core, self.policy, self.is_recorded, tracks.arrays, tracks.actors, worlds, *given
         )

@@ -47,7 +47,7 @@ def test_recorded_drivers_stay_where_they_were_recorded() -> None:
 def test_command_says_what_to_install(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     monkeypatch.setitem(sys.modules, "minari", None)
     assert minari.main([]) == 1
-    assert capsys.readouterr().err.endswith('pip install "minari[hdf5]"\n')
+    assert capsys.readouterr().err.endswith('pip install "minari[hdf5]" pillow\n')
 
 
 def test_command_names_scenes_that_are_not_there(

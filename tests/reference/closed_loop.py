@@ -79,6 +79,7 @@ def step(
     rules: Rules,
     newcomers: Traffic | None = None,
     is_last_cycle: bool = False,
+    bodies: str = "circles",
 ) -> Step:
     """One step of the closed loop; action: (vehicle,) in [-1, 1].
 
@@ -92,7 +93,7 @@ def step(
         traffic = seated(traffic, left, newcomers)
     memories = state.delta & ~left, np.where(left, -1, state.hold)
     new, seen = decided(intersection, traffic, *memories, rules, np.where(left, 0, state.waited))
-    involved, blamed = collisions(intersection, traffic, left, new.waited)
+    involved, blamed = collisions(intersection, traffic, left, new.waited, bodies)
     final_observation = seen.driving.copy()
     for i, features in final.items():
         final_observation[i] = features

@@ -4,14 +4,15 @@ from dataclasses import replace
 
 import numpy as np
 
-from tests.reference.bodies import circles_distance
+from tests.reference.bodies import body_distance, circles_distance
 from tests.reference.intersection import Booleans, Conflict, Integers, Map
 from tests.reference.lead import lead_gaps
 from tests.reference.outputs import can_touch
 from tests.reference.pairs import conflict_of
 from tests.reference.traffic import Traffic, braking_distance, rear
 
-SAFETY_DISTANCE = 0.5  # m, between the borders of two vehicles' circles
+SAFETY_DISTANCE = 0.5  # m, between the borders of two vehicles' bodies
+DISTANCES = {"circles": circles_distance, "rectangles": body_distance}
 
 
 def braked(traffic: Traffic) -> Traffic:
@@ -20,10 +21,11 @@ def braked(traffic: Traffic) -> Traffic:
     return replace(traffic, position=traffic.position + ahead)
 
 
-def collide(intersection: Map, traffic: Traffic, i: int, j: int) -> bool:
+def collide(intersection: Map, traffic: Traffic, i: int, j: int, bodies: str = "circles") -> bool:
     """Whether two vehicles collide, now or after braking."""
+    distance = DISTANCES[bodies]
     return any(
-        can_touch(intersection, moment, i, j) and circles_distance(intersection, moment, i, j) < SAFETY_DISTANCE
+        can_touch(intersection, moment, i, j) and distance(intersection, moment, i, j) < SAFETY_DISTANCE
         for moment in (traffic, braked(traffic))
     )
 
@@ -52,13 +54,15 @@ def to_blame(intersection: Map, traffic: Traffic, waited: Integers, i: int, j: i
     return {i, j}
 
 
-def collisions(intersection: Map, traffic: Traffic, is_new: Booleans, waited: Integers) -> tuple[Booleans, Booleans]:
+def collisions(
+    intersection: Map, traffic: Traffic, is_new: Booleans, waited: Integers, bodies: str = "circles"
+) -> tuple[Booleans, Booleans]:
     """Who collides with anybody, and who is to blame for it; both (vehicle,). Nobody is, where one has just come."""
     count = len(traffic.route)
     involved, blamed = np.zeros(count, np.bool_), np.zeros(count, np.bool_)
     for i in range(count):
         for j in range(i + 1, count):
-            if collide(intersection, traffic, i, j):
+            if collide(intersection, traffic, i, j, bodies):
                 involved[[i, j]] = True
                 if not (is_new[i] or is_new[j]):
                     blamed[list(to_blame(intersection, traffic, waited, i, j))] = True

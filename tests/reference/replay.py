@@ -186,7 +186,7 @@ def is_actors_fault(
     return yielder == me
 
 
-def ride_on(recording: Recording, ride: Ride, action: float) -> RideStep:
+def ride_on(recording: Recording, ride: Ride, action: float, bodies: str = "circles") -> RideStep:
     """One step of the replay; action in [-1, 1]."""
     intersection, actor = recording.intersection, ride.track
     track = recording.scene.tracks[actor]
@@ -204,7 +204,7 @@ def ride_on(recording: Recording, ride: Ride, action: float) -> RideStep:
         return RideStep(ride, View(features, expert.features), reward(features, acceleration, False), False, True)
     decided = actor_decides(recording, time, actor, position, speed, ride.delta, ride.waited)
     fault = any(
-        collide(intersection, traffic, me, other)
+        collide(intersection, traffic, me, other, bodies)
         and is_actors_fault(recording, time, traffic, here, me, other, decided.waited)
         for other in range(len(here))
         if other != me

@@ -29,7 +29,7 @@ def newcomer_distance(intersection: Map, traffic: Traffic, left: Booleans, i: in
     return max(0.0, lead(intersection, traffic, there, i)[1])
 
 
-def violations(intersection: Map, state: State) -> list[str]:
+def violations(intersection: Map, state: State, bodies: str = "circles") -> list[str]:
     """The constraints of a start that a state violates, in words."""
     there = Memory(np.ones(len(state.delta), np.bool_), state.delta, state.hold, state.waited)
     seen = observe(intersection, state.traffic, there, np.zeros((0, 2), np.int64)).driving
@@ -37,5 +37,6 @@ def violations(intersection: Map, state: State) -> list[str]:
     for i, features in enumerate(seen):
         if penalties(features).violate(slow_counts=True):
             found.append(f"vehicle {i}: {penalties(features)}")
-    involved, _ = collisions(intersection, state.traffic, np.zeros(len(state.delta), np.bool_), state.waited)
+    nobody = np.zeros(len(state.delta), np.bool_)
+    involved, _ = collisions(intersection, state.traffic, nobody, state.waited, bodies)
     return [*found, *(f"vehicle {i} collides" for i in np.flatnonzero(involved))]

@@ -97,6 +97,7 @@ def replay(
     autoreset: str = "off",
     threads: int = 1,
     isa: str | None = None,
+    bodies: str = "circles",
 ) -> _core.Replay:
     """Replayed scenes on a shipped map; decisions: "recording", or a gap rule or "network"."""
     _, policy = rules_and_policy("critical_gap" if decisions == "recording" else decisions)
@@ -114,4 +115,5 @@ def replay(
         autoreset,
         threads,
         isa,
+        bodies,
     )

@@ -59,10 +59,12 @@ def closed_loop(
     autoreset: str = "off",
     threads: int = 1,
     isa: str | None = None,
+    bodies: str = "circles",
 ) -> _core.ClosedLoop:
     """Worlds on a shipped map."""
     _, policy = rules_and_policy(gap)
-    return _core.ClosedLoop(Intersection.load(name).core, policy, worlds, vehicles, max_cycles, autoreset, threads, isa)
+    core = Intersection.load(name).core
+    return _core.ClosedLoop(core, policy, worlds, vehicles, max_cycles, autoreset, threads, isa, bodies)
 
 
 def core_of(states: Sequence[State], cycle: int = 0) -> Arrays:
@@ -112,7 +114,7 @@ class Placed:
     """What it remembers to have decided one step before."""
 
 
-def rewards(name: str, *vehicles: Placed, gap: str = "critical_gap") -> Arrays:
+def rewards(name: str, *vehicles: Placed, gap: str = "critical_gap", bodies: str = "circles") -> Arrays:
     """The core's outputs for one world whose step ends with the vehicles so placed; each (vehicle, ...)."""
     intersection = Intersection.load(name)
     speed = np.array([one.speed - reference.TIME_STEP * one.acceleration for one in vehicles])
@@ -124,7 +126,7 @@ def rewards(name: str, *vehicles: Placed, gap: str = "critical_gap") -> Arrays:
         *(np.array([getattr(one, field) for one in vehicles]) for field in ("length", "width", "max_speed")),
     )
     delta = np.array([one.delta for one in vehicles])
-    loop = closed_loop(name, 1, len(vehicles), gap=gap)
+    loop = closed_loop(name, 1, len(vehicles), gap=gap, bodies=bodies)
     loop.reset(0, False)
     loop.set_state(core_of([State(traffic, delta, np.full(len(vehicles), -1))]))
     loop.action[:] = np.array([[one.acceleration / 6 for one in vehicles]], np.float32)
@@ -182,14 +184,20 @@ def agrees(seen: Arrays, after: State, truth: reference_worlds.Step) -> str:
 
 
 def is_on_a_knife_edge(
-    name: str, state: State, action: NDArray[np.float64], rules: Rules, newcomers: reference.Traffic, is_last: bool
+    name: str,
+    state: State,
+    action: NDArray[np.float64],
+    rules: Rules,
+    newcomers: reference.Traffic,
+    is_last: bool,
+    bodies: str = "circles",
 ) -> bool:
     """Whether the twin itself tells another story when its start is moved by what float32 may lose.
 
     The margin rule: positions and speeds move by ±1e-4, accelerations by ±1e-6 m/s², each vehicle's signs at random.
     """
     intersection = twin_map(name)
-    truth = reference_worlds.step(intersection, state, action, rules, newcomers, is_last)
+    truth = reference_worlds.step(intersection, state, action, rules, newcomers, is_last, bodies)
     generator = np.random.default_rng(0)
     for _ in range(NUDGES):
         position, speed, push = generator.choice([-1.0, 1.0], (3, len(action)))
@@ -199,7 +207,7 @@ def is_on_a_knife_edge(
             speed=state.traffic.speed + ROUNDING * speed,
         )
         nudged = reference_worlds.step(
-            intersection, replace(state, traffic=traffic), action + push * 1e-6 / 6, rules, newcomers, is_last
+            intersection, replace(state, traffic=traffic), action + push * 1e-6 / 6, rules, newcomers, is_last, bodies
         )
         same = all((getattr(nudged, flag) == getattr(truth, flag)).all() for flag in FLAGS)
         same = same and nudged.done == truth.done

@@ -55,9 +55,9 @@ def differs(seen: Arrays, after: Ride, truth: RideStep) -> str:
     return ", ".join(wrong)
 
 
-def is_on_a_knife_edge(recording: Recording, ride: Ride, action: float) -> bool:
+def is_on_a_knife_edge(recording: Recording, ride: Ride, action: float, bodies: str) -> bool:
     """As `worlds_cases.is_on_a_knife_edge`: the acting vehicle, and its recorded self, are moved by ±1e-4."""
-    truth = ride_on(recording, ride, action)
+    truth = ride_on(recording, ride, action, bodies)
     generator = np.random.default_rng(0)
     for _ in range(NUDGES):
         position, speed, push, own_position, own_speed = generator.choice([-1.0, 1.0], 5)
@@ -68,7 +68,7 @@ def is_on_a_knife_edge(recording: Recording, ride: Ride, action: float) -> bool:
         tracks = list(recording.scene.tracks)
         tracks[ride.track] = shifted
         other = replace(recording, scene=replace(recording.scene, tracks=tuple(tracks)))
-        nudged = ride_on(other, moved, action + push * 1e-6 / 6)
+        nudged = ride_on(other, moved, action + push * 1e-6 / 6, bodies)
         seen = {"terminated": truth.terminated, "truncated": truth.truncated, "reward": truth.reward}
         views = {"observation": truth.view.observation, "expert_observation": truth.view.expert_observation}
         if differs_much({**seen, **views}, truth.ride, nudged):
@@ -128,13 +128,15 @@ def place(loop: _core.Replay, rides: list[tuple[int, Ride]]) -> None:
     )
 
 
-@pytest.mark.parametrize("decisions", DECISIONS)
-def test_one_step_of_the_core_equals_the_twin(decisions: str) -> None:
+@pytest.mark.parametrize(
+    ("decisions", "bodies"), [(one, "circles") for one in DECISIONS] + [("critical_gap", "rectangles")]
+)
+def test_one_step_of_the_core_equals_the_twin(decisions: str, bodies: str) -> None:
     windows, rules = recorded_windows(), rules_of(decisions)
     generator = np.random.default_rng(1)
     rides = random_rides(windows, 250 * CASES, generator)
     actions = generator.uniform(-1, 1, len(rides)).astype(np.float32)
-    loop = replayed_windows(len(rides), decisions=decisions)
+    loop = replayed_windows(len(rides), decisions=decisions, bodies=bodies)
     loop.reset(0, False)
     place(loop, rides)
     loop.action[:] = actions
@@ -143,10 +145,10 @@ def test_one_step_of_the_core_equals_the_twin(decisions: str) -> None:
     excused, met = 0, np.zeros(5, np.int64)
     for world, (number, ride) in enumerate(rides):
         recording, track = windows.recording(number, rules)
-        truth = ride_on(recording, ride, float(actions[world]))
+        truth = ride_on(recording, ride, float(actions[world]), bodies)
         after = ride_of(state, world, track)
         wrong = differs({name: seen[name][world] for name in seen}, after, truth)
-        if wrong and not is_on_a_knife_edge(recording, ride, float(actions[world])):
+        if wrong and not is_on_a_knife_edge(recording, ride, float(actions[world]), bodies):
             pytest.fail(f"world {world}: {wrong} differ; {ride}, {actions[world]}, leads to {after}, not {truth.ride}")
         excused += bool(wrong)
         view = truth.view.observation

@@ -93,7 +93,7 @@ void look(const ClosedLoopArguments& g, World& world) {
         waited[i] = world.slots[i].waited;
         observe_vehicle(g.map, world.slots[i]);
     }
-    decide<GAP>(g.map, g.gap_network, g.vehicles, false, world);
+    decide<GAP>(g.map, g.gap_network, g.vehicles, Bodies::unseen, world);
     for (int i = 0; i < g.vehicles; ++i) {
         world.slots[i].delta = delta[i];
         world.slots[i].hold = hold[i];
@@ -129,7 +129,7 @@ bool run_start(const ClosedLoopArguments& g, ClosedLoopLanes& run) {
                                                   k * WORLDS_PER_BLOCK + index % WORLDS_PER_BLOCK];
         }
     }
-    if (!start<GAP>(g.map, g.gap_network, g.vehicles, wanted, world, run.trial)) {
+    if (!start<GAP>(g.map, g.gap_network, g.vehicles, g.bodies, wanted, world, run.trial)) {
         return false;
     }
     if (g.desynchronise) {
@@ -169,7 +169,7 @@ struct RolledOut {
     const ClosedLoopArguments& g;
     ClosedLoopLanes& run;
     Ints (&take_step)(const ClosedLoopArguments&, ClosedLoopLanes&);
-    bool (&start_again)(const MapRows&, const GapNetwork*, int count, Ints wanted, World&, World& trial);
+    bool (&start_again)(const MapRows&, const GapNetwork*, int count, Bodies, Ints wanted, World&, World& trial);
 
     int vehicles() const { return g.vehicles; }
     void observe(int i, Floats* features) const { driving_features(run.world.slots[i], features); }
@@ -179,7 +179,9 @@ struct RolledOut {
     Ints step() { return take_step(g, run) & run.world.exists; }
     Ints left(int i) const { return run.world.slots[i].left; }
     Ints blamed(int i) const { return run.world.slots[i].blamed; }
-    bool restart(Ints ended) { return start_again(g.map, g.gap_network, g.vehicles, ended, run.world, run.trial); }
+    bool restart(Ints ended) {
+        return start_again(g.map, g.gap_network, g.vehicles, g.bodies, ended, run.world, run.trial);
+    }
 };
 
 bool run_rollout(const ClosedLoopArguments& g, RolledOut worlds) {

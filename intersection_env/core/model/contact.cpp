@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <stdexcept>
+#include <string>
 #include <utility>
 
 #include "model/circles.hpp"
@@ -62,6 +64,16 @@ float ahead(const Map& map, const Body& a, const Body& b) {
 
 } // namespace
 
+Bodies bodies_named(std::string_view name) {
+    if (name == "circles") {
+        return Bodies::circles;
+    }
+    if (name == "rectangles") {
+        return Bodies::rectangles;
+    }
+    throw std::invalid_argument("bodies is \"" + std::string(name) + "\"; wanted circles or rectangles");
+}
+
 Sample straight_on(const Map& map, int route, float position) {
     Sample sample = map.at(route, position);
     const std::size_t rows = map.routes[static_cast<std::size_t>(route)].samples.size();
@@ -75,14 +87,15 @@ float clearance(const Map& map, const Body& a, const Body& b) {
     return can_touch(map, a, b) ? std::sqrt(squared_distance(rectangle(map, a), rectangle(map, b))) : NO_DISTANCE;
 }
 
-bool collide(const Map& map, const Body& a, const Body& b, float braking_a, float braking_b) {
-    if (between_circles(map, a, b) < COLLISION_DISTANCE) {
+bool collide(const Map& map, const Body& a, const Body& b, float braking_a, float braking_b, Bodies bodies) {
+    const auto between = bodies == Bodies::rectangles ? clearance : between_circles;
+    if (between(map, a, b) < COLLISION_DISTANCE) {
         return true;
     }
     Body braked_a = a, braked_b = b;
     braked_a.position += braking_a;
     braked_b.position += braking_b;
-    return between_circles(map, braked_a, braked_b) < COLLISION_DISTANCE;
+    return between(map, braked_a, braked_b) < COLLISION_DISTANCE;
 }
 
 const Conflict* conflict_before_pga(const Map& map, const Body& a, const Body& b) {

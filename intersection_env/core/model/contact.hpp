@@ -1,12 +1,21 @@
 // Whether two vehicles collide, and who is to blame.
 #pragma once
 
+#include <cstdint>
+#include <string_view>
+
 #include "intersection_env/map.hpp"
 #include "intersection_env/traffic.hpp"
 
 namespace intersection_env {
 
 constexpr float COLLISION_DISTANCE = 0.5F; // [m], paper, Table II, row 9
+
+// What stands for a vehicle where worlds look for collisions, if they do: the paper's two circles, or its rectangle.
+enum class Bodies : std::uint8_t { unseen, circles, rectangles };
+
+// Throws std::invalid_argument for a name that is none.
+Bodies bodies_named(std::string_view name);
 
 // A vehicle on its route: arc length of the centre [m], size [m].
 struct Body {
@@ -26,9 +35,9 @@ Sample straight_on(const Map& map, int route, float position);
 // Between their rectangles [m], 0 where they overlap; NO_DISTANCE where they cannot touch.
 float clearance(const Map& map, const Body& a, const Body& b);
 
-// As the worlds see it: the borders of their circles are nearer than COLLISION_DISTANCE now, or once both have braked,
+// As the worlds see it: the borders of their bodies are nearer than COLLISION_DISTANCE now, or once both have braked,
 // which takes them `braking_a` and `braking_b` metres.
-bool collide(const Map& map, const Body& a, const Body& b, float braking_a, float braking_b);
+bool collide(const Map& map, const Body& a, const Body& b, float braking_a, float braking_b, Bodies bodies);
 
 // The conflict that one of two vehicles yields in and is before its PGA of; the nearer PGA's where both are. Null if
 // there is none.

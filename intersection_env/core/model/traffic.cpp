@@ -196,11 +196,12 @@ std::vector<int> doubted_speeds(const Map& map, const Traffic& traffic) {
     return found;
 }
 
-std::optional<std::pair<int, int>> collision(const Map& map, const Traffic& traffic) {
+std::optional<std::pair<int, int>> collision(const Map& map, const Traffic& traffic, const std::string& bodies) {
+    const Bodies seen = bodies_named(bodies);
     const auto braking = [&](int i) { return traffic.speed[at(i)] * traffic.speed[at(i)] * (0.5F / BRAKING); };
     for (int i = 0; i < traffic.count(); ++i) {
         for (int j = i + 1; j < traffic.count(); ++j) {
-            if (collide(map, body(traffic, i), body(traffic, j), braking(i), braking(j))) {
+            if (collide(map, body(traffic, i), body(traffic, j), braking(i), braking(j), seen)) {
                 return std::make_pair(i, j);
             }
         }

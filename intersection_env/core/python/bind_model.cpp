@@ -189,7 +189,7 @@ void bind_model(nb::module_& m) {
     m.def("overlaps", &overlaps, "map"_a, "traffic"_a, "Pairs of vehicles whose bodies overlap.");
     m.def("doubted_speeds", &doubted_speeds, "map"_a, "traffic"_a,
           "The vehicles that are faster than anybody drives there: km/h for m/s.");
-    m.def("collision", &collision, "map"_a, "traffic"_a,
+    m.def("collision", &collision, "map"_a, "traffic"_a, "bodies"_a = "circles",
           "The first two vehicles that collide, now or once both have braked fully, or None.");
 }
 

@@ -151,13 +151,14 @@ void bind_closed_loop(nb::module_& m) {
             .def(
                 "__init__",
                 [](ClosedLoop* self, std::shared_ptr<const Map> map, Policy policy, int worlds, int vehicles,
-                   int max_cycles, const std::string& autoreset, int threads, const std::optional<std::string>& isa) {
+                   int max_cycles, const std::string& autoreset, int threads, const std::optional<std::string>& isa,
+                   const std::string& bodies) {
                     new (self) ClosedLoop(std::move(map), std::move(policy), worlds, vehicles, max_cycles,
-                                          autoreset_named(autoreset), threads,
+                                          bodies_named(bodies), autoreset_named(autoreset), threads,
                                           isa ? kernel_named(*isa) : kernel_for_worlds(worlds));
                 },
                 "map"_a, "policy"_a, "worlds"_a, "vehicles"_a, "max_cycles"_a, "autoreset"_a, "threads"_a,
-                "isa"_a = nb::none())
+                "isa"_a = nb::none(), "bodies"_a = "circles")
             .def("reset", &ClosedLoop::reset, "seed"_a, "desynchronise"_a, nb::call_guard<nb::gil_scoped_release>())
             .def(
                 "reset_worlds",
@@ -186,16 +187,16 @@ void bind_replay(nb::module_& m) {
             "__init__",
             [](Replay* self, std::shared_ptr<const Map> map, Policy policy, bool recording, const Arrays& scenes,
                const Vector<std::int32_t>& actors, int worlds, const std::string& autoreset, int threads,
-               const std::optional<std::string>& isa) {
+               const std::optional<std::string>& isa, const std::string& bodies) {
                 RecordedScenes recorded = scenes_of(scenes);
                 std::vector<std::int32_t> may_act = copy(actors);
                 const nb::gil_scoped_release release;
                 new (self) Replay(std::move(map), std::move(policy), recording, std::move(recorded), std::move(may_act),
-                                  worlds, autoreset_named(autoreset), threads,
+                                  worlds, bodies_named(bodies), autoreset_named(autoreset), threads,
                                   isa ? kernel_named(*isa) : kernel_for_worlds(worlds));
             },
             "map"_a, "policy"_a, "recording"_a, "scenes"_a, "actors"_a.noconvert(), "worlds"_a, "autoreset"_a,
-            "threads"_a, "isa"_a = nb::none())
+            "threads"_a, "isa"_a = nb::none(), "bodies"_a = "circles")
         .def("reset", &Replay::reset, "seed"_a, "desynchronise"_a, nb::call_guard<nb::gil_scoped_release>())
         .def(
             "reset_worlds",

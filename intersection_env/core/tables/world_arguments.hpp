@@ -4,6 +4,7 @@
 #include <cstdint>
 
 #include "intersection_env/policy.hpp"
+#include "model/contact.hpp"
 #include "tables/map_tables.hpp"
 #include "tables/problem.hpp"
 #include "tables/recorded_rows.hpp"
@@ -28,6 +29,7 @@ struct ClosedLoopArguments {
     Gap gap;
     const GapNetwork* gap_network;
     float acceleration_scale;
+    Bodies bodies;
     int vehicles, max_cycles;
     Task task;
     int steps;        // of a rollout
@@ -51,6 +53,7 @@ struct ReplayArguments {
     Gap gap;
     const GapNetwork* gap_network;
     float acceleration_scale;
+    Bodies bodies;
     Task task;
     int steps; // of a rollout
     long first_world;

@@ -32,12 +32,12 @@ long place_in_blocks(long world, long k, long count) {
 } // namespace
 
 ClosedLoop::ClosedLoop(std::shared_ptr<const Map> map, Policy policy, int worlds, int vehicles, int max_cycles,
-                       Autoreset autoreset, int threads, const Kernel& kernel)
+                       Bodies bodies, Autoreset autoreset, int threads, const Kernel& kernel)
     : tables_(std::move(map)), policy_(std::move(policy)), worlds_(checked("worlds", worlds, 1, 1 << 24)),
       vehicles_(checked("vehicles", vehicles, 1, MAX_VEHICLES)),
       max_cycles_(checked("max_cycles", max_cycles, 1, 1 << 24)),
-      blocks_((worlds + WORLDS_PER_BLOCK - 1) / WORLDS_PER_BLOCK), autoreset_(autoreset), kernel_(kernel),
-      threads_(threads) {
+      blocks_((worlds + WORLDS_PER_BLOCK - 1) / WORLDS_PER_BLOCK), bodies_(bodies), autoreset_(autoreset),
+      kernel_(kernel), threads_(threads) {
     make_room(buffers, worlds, vehicles);
     make_room(state_, static_cast<long>(blocks_) * WORLDS_PER_BLOCK, vehicles);
     std::fill(state_.max_speed.begin(), state_.max_speed.end(), UNBOUNDED);
@@ -61,6 +61,7 @@ ClosedLoopArguments ClosedLoop::arguments(long block, Task task) {
     g.gap_network = policy_.gap_network ? &*policy_.gap_network : nullptr;
     g.acceleration_scale = policy_.acceleration_scale;
     g.vehicles = vehicles_;
+    g.bodies = bodies_;
     g.max_cycles = max_cycles_;
     g.task = task;
     g.first_world = first;

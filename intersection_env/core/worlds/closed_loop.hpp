@@ -17,7 +17,7 @@ namespace intersection_env {
 class ClosedLoop {
   public:
     // Throws std::invalid_argument for numbers that are out of range.
-    ClosedLoop(std::shared_ptr<const Map> map, Policy policy, int worlds, int vehicles, int max_cycles,
+    ClosedLoop(std::shared_ptr<const Map> map, Policy policy, int worlds, int vehicles, int max_cycles, Bodies bodies,
                Autoreset autoreset, int threads, const Kernel& kernel);
     ~ClosedLoop();
     ClosedLoop(const ClosedLoop&) = delete;
@@ -57,6 +57,7 @@ class ClosedLoop {
     MapTables tables_;
     Policy policy_;
     int worlds_, vehicles_, max_cycles_, blocks_;
+    Bodies bodies_;
     Autoreset autoreset_;
     const Kernel& kernel_;
     Threads threads_;

@@ -17,11 +17,12 @@ std::size_t at(long index) { return static_cast<std::size_t>(index); }
 } // namespace
 
 Replay::Replay(std::shared_ptr<const Map> map, Policy policy, bool recording, RecordedScenes scenes,
-               std::vector<std::int32_t> actors, int worlds, Autoreset autoreset, int threads, const Kernel& kernel)
+               std::vector<std::int32_t> actors, int worlds, Bodies bodies, Autoreset autoreset, int threads,
+               const Kernel& kernel)
     : tables_(std::move(map)), policy_(std::move(policy)),
       recorded_(tables_.map(), std::move(scenes), std::move(actors), recording), recording_(recording), worlds_(worlds),
-      padded_((worlds + WORLDS_PER_BLOCK - 1L) / WORLDS_PER_BLOCK * WORLDS_PER_BLOCK), autoreset_(autoreset),
-      kernel_(kernel), threads_(threads) {
+      bodies_(bodies), padded_((worlds + WORLDS_PER_BLOCK - 1L) / WORLDS_PER_BLOCK * WORLDS_PER_BLOCK),
+      autoreset_(autoreset), kernel_(kernel), threads_(threads) {
     if (worlds < 1 || worlds > 1 << 24) {
         throw std::invalid_argument("worlds must be from 1 to 16777216, not " + std::to_string(worlds));
     }
@@ -49,6 +50,7 @@ ReplayArguments Replay::arguments(Task task) const {
     shared.gap = policy_.gap;
     shared.gap_network = policy_.gap_network ? &*policy_.gap_network : nullptr;
     shared.acceleration_scale = policy_.acceleration_scale;
+    shared.bodies = bodies_;
     shared.task = task;
     return shared;
 }

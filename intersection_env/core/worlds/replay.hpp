@@ -19,7 +19,8 @@ class Replay {
   public:
     // Throws std::invalid_argument for numbers that are out of range, or scenes that are refused.
     Replay(std::shared_ptr<const Map> map, Policy policy, bool recording, RecordedScenes scenes,
-           std::vector<std::int32_t> actors, int worlds, Autoreset autoreset, int threads, const Kernel& kernel);
+           std::vector<std::int32_t> actors, int worlds, Bodies bodies, Autoreset autoreset, int threads,
+           const Kernel& kernel);
     ~Replay();
     Replay(const Replay&) = delete;
     Replay& operator=(const Replay&) = delete;
@@ -64,6 +65,7 @@ class Replay {
     Recorded recorded_;
     bool recording_;
     int worlds_;
+    Bodies bodies_;
     long padded_; // worlds, up to whole blocks
     Autoreset autoreset_;
     const Kernel& kernel_;

@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <optional>
 #include <span>
+#include <string>
 #include <utility>
 #include <vector>
 
@@ -78,8 +79,9 @@ std::vector<std::pair<int, int>> overlaps(const Map& map, const Traffic& traffic
 // km/h.
 std::vector<int> doubted_speeds(const Map& map, const Traffic& traffic);
 
-// The first two vehicles that collide as the worlds understand it, by two circles each: now, or once both have braked
-// fully.
-std::optional<std::pair<int, int>> collision(const Map& map, const Traffic& traffic);
+// The first two vehicles that collide as the worlds understand it, by two circles each or by "rectangles": now, or once
+// both have braked fully. Throws std::invalid_argument for other bodies.
+std::optional<std::pair<int, int>> collision(const Map& map, const Traffic& traffic,
+                                             const std::string& bodies = "circles");
 
 } // namespace intersection_env

@@ -91,9 +91,9 @@ inline Ints step(const ClosedLoopArguments& g, ClosedLoopLanes& run) {
     }
     for (int i = 0; i < count; ++i) {
         observe_vehicle(g.map, world.slots[i]);
-        locate(g.map, world.slots[i]);
+        locate(g.map, g.bodies, world.slots[i]);
     }
-    decide<GAP>(g.map, g.gap_network, count, true, world);
+    decide<GAP>(g.map, g.gap_network, count, g.bodies, world);
     world.cycle += 1;
     Ints ends = world.collided | (world.cycle >= g.max_cycles);
     for (int i = 0; i < count; ++i) {

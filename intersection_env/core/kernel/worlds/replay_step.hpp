@@ -196,8 +196,7 @@ inline void touch(const ReplayArguments& g, const Companion& other, ReplayLanes&
                           ((fault == static_cast<int>(Fault::before_own_end)) & (own.rear < other.row[4])) |
                           ((fault == static_cast<int>(Fault::past_other_end)) & (other.rear() >= other.row[5]));
     constexpr float MARGIN = COLLISION_DISTANCE + 0.1F; // rounding, and headings beyond the end of a route
-    const Floats reach = other.row[10] * (2.0F * CIRCLE_OFFSET) + other.row[11] * (2.0F * CIRCLE_RADIUS);
-    const Floats far = own.reach + reach + MARGIN;
+    const Floats far = own.reach + reach(g.bodies, other.row[10], other.row[11]) + MARGIN;
     const Floats x = own.x - other.sample[4], y = own.y - other.sample[5];
     const Floats p = own.braked_x - other.sample[6], q = own.braked_y - other.sample[7];
     const Ints near =
@@ -209,7 +208,7 @@ inline void touch(const ReplayArguments& g, const Companion& other, ReplayLanes&
                         own.waited[l]};
         const Body foe{static_cast<int>(other.row[15][l]), other.sample[0][l], 2.0F * other.row[10][l],
                        2.0F * other.row[11][l], other.waited()[l]};
-        if (collide(*g.map.whole, body, foe, own.braking_distance[l], speed * speed * (0.5F / BRAKING)) &&
+        if (collide(*g.map.whole, body, foe, own.braking_distance[l], speed * speed * (0.5F / BRAKING), g.bodies) &&
             (looked_up[l] == 0 || is_at_fault(g, other, l, body, foe))) {
             run.collided[l] = -1;
         }
@@ -251,7 +250,7 @@ inline void look(const ReplayArguments& g, bool road, ReplayLanes& run) {
     Slot &acting = run.acting, &expert = run.expert;
     observe_vehicle(g.map, acting);
     recall(g, road, run);
-    locate(g.map, acting);
+    locate(g.map, g.bodies, acting);
     if (g.map.stops != 0) {
         remember_stop(acting);
     }

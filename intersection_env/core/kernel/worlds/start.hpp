@@ -74,30 +74,30 @@ inline void place(const MapRows& map, int count, World& world) {
 
 // The memories of the model at a start, then what each sees and decides.
 template <Gap GAP>
-inline void look_afresh(const MapRows& map, const GapNetwork* network, int count, bool contacts, World& world) {
+inline void look_afresh(const MapRows& map, const GapNetwork* network, int count, Bodies bodies, World& world) {
     for (int i = 0; i < count; ++i) {
         Slot& slot = world.slots[i];
         observe_vehicle(map, slot);
-        if (contacts) {
-            locate(map, slot);
+        if (bodies != Bodies::unseen) {
+            locate(map, bodies, slot);
         }
         slot.delta = committed(slot);
         slot.hold = all_ints(-1);
         slot.waited = Ints{};
         slot.left = Ints{};
     }
-    decide<GAP>(map, network, count, contacts, world);
+    decide<GAP>(map, network, count, bodies, world);
 }
 
 inline Floats violation(const Slot& slot) { return slowness(slot) + trespass(slot); }
 
 // One trial a lane; mask of those that violate nothing.
 template <Gap GAP>
-inline Ints try_start(const MapRows& map, const GapNetwork* network, int count, World& world) {
+inline Ints try_start(const MapRows& map, const GapNetwork* network, int count, Bodies bodies, World& world) {
     world.exists = all_ints(-1);
     place(map, count, world);
     for (int round = 0; round <= SPEED_ROUNDS; ++round) {
-        look_afresh<GAP>(map, network, count, false, world);
+        look_afresh<GAP>(map, network, count, Bodies::unseen, world);
         Ints changed{};
         for (int i = 0; i < count && round < SPEED_ROUNDS; ++i) {
             Slot& slot = world.slots[i];
@@ -120,7 +120,7 @@ inline Ints try_start(const MapRows& map, const GapNetwork* network, int count, 
         good &= violation(world.slots[i]) <= TOLERANCE;
     }
     if (any(good)) {
-        look_afresh<GAP>(map, network, count, true, world);
+        look_afresh<GAP>(map, network, count, bodies, world);
         good &= ~world.collided;
     }
     return good;
@@ -140,7 +140,8 @@ inline void copy_lane(const World& from, int from_lane, int count, World& to, in
 // Gives every wanted lane a new start, observed and decided. Which trial is taken depends on the lane's stream alone,
 // not on how the trials are spread over lanes. False where MOST_ROUNDS found none.
 template <Gap GAP>
-inline bool start(const MapRows& map, const GapNetwork* network, int count, Ints wanted, World& world, World& trial) {
+inline bool start(const MapRows& map, const GapNetwork* network, int count, Bodies bodies, Ints wanted, World& world,
+                  World& trial) {
     const Words key = world.random.next(wanted), other_key = world.random.next(wanted);
     int tried = 0; // of every lane still pending
     int rounds = 0;
@@ -160,7 +161,7 @@ inline bool start(const MapRows& map, const GapNetwork* network, int count, Ints
         for (unsigned k = 0; k < 4; ++k) {
             trial.random.s[k] = mixed(mixed(mixed(a + number * 0x9e3779b9U) ^ b) + k * 0x85ebca6bU);
         }
-        const unsigned good = bits(try_start<GAP>(map, network, count, trial));
+        const unsigned good = bits(try_start<GAP>(map, network, count, bodies, trial));
         for (int l = 0; l < each * owner_count; ++l) {
             const int owner = owners[l % owner_count];
             if ((good >> l & 1U) != 0 && (pending >> owner & 1U) != 0) {

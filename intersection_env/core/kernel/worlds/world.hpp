@@ -19,7 +19,7 @@ struct Slot : VehicleLanes {
     Ints first_row, stop_lane, overlaps, pair_row, must_stop;
     Ints turn; // at an all-way stop
 
-    Floats x, y, braked_x, braked_y, reach; // reach: no circle goes further from the centre [m]
+    Floats x, y, braked_x, braked_y, reach; // reach: the body goes no further from the centre [m]
     Ints left, blamed;                      // masks; left: reinserted in this step
 
     Ints first() const { return first_row; }
@@ -55,7 +55,6 @@ inline void load_route(const MapRows& map, Slot& slot) {
     slot.pair_row =
         slot.route * (map.route_count * (map.links == nullptr ? PAIR_COLUMNS : map.link_count * LINK_COLUMNS));
     slot.must_stop = ((all_ints(static_cast<int>(map.stops)) >> slot.route) & 1) != 0;
-    slot.reach = slot.half_length * (2.0F * CIRCLE_OFFSET) + slot.half_width * (2.0F * CIRCLE_RADIUS);
 }
 
 inline void observe_vehicle(const MapRows& map, Slot& slot) {
@@ -81,7 +80,14 @@ inline void locate(const MapRows& map, const Slot& slot, Floats position, Floats
     y = point[1] + f * point[3];
 }
 
-inline void locate(const MapRows& map, Slot& slot) {
+// How far from the centre a body goes at most [m].
+inline Floats reach(Bodies bodies, Floats half_length, Floats half_width) {
+    return bodies == Bodies::rectangles ? half_length + half_width
+                                        : half_length * (2.0F * CIRCLE_OFFSET) + half_width * (2.0F * CIRCLE_RADIUS);
+}
+
+inline void locate(const MapRows& map, Bodies bodies, Slot& slot) {
+    slot.reach = reach(bodies, slot.half_length, slot.half_width);
     locate(map, slot, slot.position, slot.x, slot.y);
     locate(map, slot, slot.position + slot.braking_distance, slot.braked_x, slot.braked_y);
 }
@@ -246,8 +252,8 @@ inline void meet_along_lanes(const MapRows& map, const GapNetwork* network, Worl
     }
 }
 
-// Marks who is to blame where two vehicles collide. Circles that are far apart are not looked at closely.
-inline void touch(const MapRows& map, World& world, int i, int j) {
+// Marks who is to blame where two vehicles collide. Bodies that are far apart are not looked at closely.
+inline void touch(const MapRows& map, Bodies bodies, World& world, int i, int j) {
     Slot &a = world.slots[i], &b = world.slots[j];
     constexpr float MARGIN = COLLISION_DISTANCE + 0.1F; // rounding, and headings beyond the end of a route
     const Floats far = a.reach + b.reach + MARGIN;
@@ -258,7 +264,7 @@ inline void touch(const MapRows& map, World& world, int i, int j) {
         const int l = __builtin_ctz(lanes);
         const Body body_a{a.route[l], a.position[l], 2.0F * a.half_length[l], 2.0F * a.half_width[l], a.waited[l]};
         const Body body_b{b.route[l], b.position[l], 2.0F * b.half_length[l], 2.0F * b.half_width[l], b.waited[l]};
-        if (collide(*map.whole, body_a, body_b, a.braking_distance[l], b.braking_distance[l])) {
+        if (collide(*map.whole, body_a, body_b, a.braking_distance[l], b.braking_distance[l], bodies)) {
             world.collided[l] = -1;
             if ((a.left[l] | b.left[l]) != 0) {
                 continue; // a newcomer without room is nobody's fault
@@ -278,7 +284,7 @@ inline void remember_stop(Slot& slot) {
 
 // Each vehicle of a world with each.
 template <Gap GAP, bool PLAIN>
-inline void meet_all(const MapRows& map, const GapNetwork* network, int count, bool contacts, World& world) {
+inline void meet_all(const MapRows& map, const GapNetwork* network, int count, Bodies bodies, World& world) {
     for (int i = 0; i < count; ++i) {
         Slot& slot = world.slots[i];
         Seen seen = slot;
@@ -288,8 +294,8 @@ inline void meet_all(const MapRows& map, const GapNetwork* network, int count, b
             } else {
                 meet_along_lanes<GAP>(map, network, world, i, j, seen);
             }
-            if (contacts) {
-                touch(map, world, i, j);
+            if (bodies != Bodies::unseen) {
+                touch(map, bodies, world, i, j);
             }
         }
         const Ints refused = slot.refused | seen.refused; // the network may have answered in between
@@ -299,24 +305,24 @@ inline void meet_all(const MapRows& map, const GapNetwork* network, int count, b
 }
 
 template <Gap GAP>
-[[gnu::noinline]] void meet_all_along_lanes(const MapRows& map, const GapNetwork* network, int count, bool contacts,
+[[gnu::noinline]] void meet_all_along_lanes(const MapRows& map, const GapNetwork* network, int count, Bodies bodies,
                                             World& world) {
-    meet_all<GAP, false>(map, network, count, contacts, world);
+    meet_all<GAP, false>(map, network, count, bodies, world);
 }
 
-// Needs observe_vehicle of each, and the memories before the decision; contacts: needs locate, and looks for
-// collisions.
+// Needs observe_vehicle of each, and the memories before the decision; unless bodies are unseen, needs locate, and
+// looks for collisions.
 template <Gap GAP>
-inline void decide(const MapRows& map, const GapNetwork* network, int count, bool contacts, World& world) {
+inline void decide(const MapRows& map, const GapNetwork* network, int count, Bodies bodies, World& world) {
     world.waiting.count = 0;
     world.collided = Ints{};
     for (int i = 0; i < count && map.stops != 0; ++i) {
         remember_stop(world.slots[i]);
     }
     if (map.links == nullptr) {
-        meet_all<GAP, true>(map, network, count, contacts, world);
+        meet_all<GAP, true>(map, network, count, bodies, world);
     } else {
-        meet_all_along_lanes<GAP>(map, network, count, contacts, world);
+        meet_all_along_lanes<GAP>(map, network, count, bodies, world);
     }
     if (GAP == Gap::network && world.waiting.count > 0) {
         answer(*network, world);
