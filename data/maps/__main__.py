@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from data.formats.folder import read_recording, recording_ids
+from data.formats.folder import NO_PROTOBUF, read_recording, recording_ids
 from data.maps.commonroad_file import read_commonroad
 from data.maps.junction import MOST_RADIUS, Circle
 from data.maps.lanelet2_file import read_lanelet2
@@ -93,6 +93,8 @@ def report(imported: Imported, lane_map: LaneMap) -> str:
 def _read(path: Path, origin: str | None) -> LaneMap:
     if path.suffix == ".osm":
         return read_lanelet2(path, None if origin is None else _pair("--origin", origin))
+    if path.suffix == ".pb":
+        raise ValueError(f"{path}: {NO_PROTOBUF}")
     if path.suffix != ".xml":
         raise ValueError(f"{path}: wanted a Lanelet2 map (.osm) or a CommonRoad file (.xml)")
     if origin is not None:

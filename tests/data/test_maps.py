@@ -176,6 +176,43 @@ def test_what_the_reader_does_not_know_is_counted(tmp_path: Path, capsys: pytest
     assert any("not read: kiosk" in line and line.endswith(" 2") for line in capsys.readouterr().out.splitlines())
 
 
+def turned(text: str, id: int, side: str) -> str:
+    """A CommonRoad map's text with one bound of a lanelet drawn the other way round."""
+    begin = text.index(f"<{side}>", text.index(f'<lanelet id="{id}">')) + len(f"<{side}>")
+    end = text.index(f"</{side}>", begin)
+    points = text[begin:end].split("</point>")[:-1]
+    return text[:begin] + "".join(f"{one}</point>" for one in points[::-1]) + text[end:]
+
+
+@pytest.mark.parametrize("sides", [("leftBound",), ("rightBound",), ("leftBound", "rightBound")])
+def test_bounds_drawn_backwards_are_turned_and_counted(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], sides: tuple[str, ...]
+) -> None:
+    """The left bound is on the left of who drives there, whichever way it is drawn."""
+    write_commonroad_map(tmp_path / "map.xml", junction())
+    right = imported(tmp_path, junction())
+    text = (tmp_path / "map.xml").read_text()
+    for side in sides:
+        text = turned(text, into("W"), side)
+    (tmp_path / "map.xml").write_text(text)
+    capsys.readouterr()
+    assert main([str(tmp_path / "map.xml"), "--out", str(tmp_path / "turned.json")]) == 0
+    assert f"direction in which the bounds of lanelet {into('W')} are drawn" in capsys.readouterr().out
+    np.testing.assert_array_equal(
+        MapSource.read(tmp_path / "turned.json").lanes["W_in"].points, right.lanes["W_in"].points
+    )
+
+
+def test_a_lane_drawn_backwards_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    drawn = junction()
+    backwards = drawn.changed(into("W"), centre=drawn.lanelets[into("W")].centre[::-1])
+    write_commonroad_map(tmp_path / "map.xml", backwards)
+    assert main([str(tmp_path / "map.xml"), "--out", str(tmp_path / "out.json")]) == 0
+    text = capsys.readouterr().out
+    assert f"of lanelet {into('W')}, for it begins 70 m from its end; is one drawn backwards?" in text
+    assert not any(route.entry == "W" for route in MapSource.read(tmp_path / "out.json").routes)
+
+
 @pytest.mark.parametrize(
     ("text", "words"),
     [
