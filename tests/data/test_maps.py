@@ -16,7 +16,7 @@ from data.maps.place import shift_to
 from data.maps.utm import utm
 from data.recording import Recording
 from intersection_env.maps.intersection import Intersection
-from intersection_env.maps.source import MapSource
+from intersection_env.maps.source import LARGEST, MapSource
 from tests.support.lane_maps import (
     Junction,
     Rule,
@@ -374,6 +374,27 @@ def test_arguments_are_checked_before_the_map_is_read(
 ) -> None:
     assert main([str(tmp_path / "nowhere.osm"), "--out", str(tmp_path / "out.json"), *options]) == 1
     assert capsys.readouterr().err.startswith(message)
+
+
+def test_a_source_that_nobody_can_read_is_refused_by_the_name_that_was_asked_for(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The middle of the map is within reach, but not the lanes of its eastern arm."""
+    write_commonroad_map(tmp_path / "map.xml", junction().moved(LARGEST - 20.0, 0.0))
+    message = refused(tmp_path, capsys, tmp_path / "map.xml")
+    assert message.startswith(f"error: {tmp_path / 'out.json'}: ")
+    assert "E_" in message
+
+
+def test_where_no_junction_can_be_used_each_is_named_with_its_reason(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    inside = {id: replace(drawn, successors=()) for id, drawn in junction().lanelets.items() if id >= 1000}
+    away = {id + 5000: replace(one, id=id + 5000) for id, one in Junction(inside).moved(400.0, 30.0).lanelets.items()}
+    write_commonroad_map(tmp_path / "map.xml", Junction(inside | away))
+    message = refused(tmp_path, capsys, tmp_path / "map.xml")
+    assert "2 junctions are on this map, and none can be used:" in message
+    assert message.count("around ") == 4  # each circle, and in its reason once more
 
 
 def test_a_junction_of_which_no_source_can_be_made_is_not_offered(tmp_path: Path) -> None:
