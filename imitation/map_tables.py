@@ -21,8 +21,8 @@ class MapTables:
 
     begin: of each map by checksum, the place of its first route in the row.
     number, route_count: (route,) its index on its own map, and how many routes that has.
-    stop_line, length: (route,) [m]. must_stop: (route,) bool, before that line. stop_lane: (route,), no two maps share
-        one.
+    stop_line, first_conflict, length: (route,) [m]. must_stop: (route,) bool, before that line. stop_lane: (route,), no
+        two maps share one.
     lane_begin, lane_end, offset: (route, route, lane) how a vehicle on the row's route follows one on the column's in a
         lane that they share: once that one's front is beyond its begin, and until one of their rears is at its end, on
         the row's route, that one's position being more by the offset [m].
@@ -35,6 +35,7 @@ class MapTables:
     number: Tensor
     route_count: Tensor
     stop_line: Tensor
+    first_conflict: Tensor
     length: Tensor
     must_stop: Tensor
     stop_lane: Tensor
@@ -71,6 +72,7 @@ class MapTables:
             number=torch.tensor([index for count in counts for index in range(count)]),
             route_count=torch.tensor([count for count in counts for _ in range(count)]),
             stop_line=torch.tensor([route.stop_line for route in routes]),
+            first_conflict=torch.tensor([route.first_conflict for route in routes]),
             length=torch.tensor([route.length for route in routes]),
             must_stop=torch.tensor([route.must_stop for route in routes]),
             stop_lane=torch.tensor(

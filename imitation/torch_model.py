@@ -89,11 +89,13 @@ class State(NamedTuple):
 
 
 class Seen(NamedTuple):
-    """What vehicles see but for their decisions, their rear bumpers [m], who leads each, and by how much further along
-    its own route that one is than where they share a lane [m]: (..., vehicle)."""
+    """What vehicles see but for their decisions, their rear bumpers [m], who drives or is in its first conflict (bool),
+    who leads each, and by how much further along its own route that one is than where they share a lane [m]:
+    (..., vehicle)."""
 
     view: View
     rear: Tensor
+    goes_on: Tensor
     lead: Tensor
     further: Tensor
 
@@ -134,7 +136,7 @@ class TorchPredictor:
         self.tables, self.vehicles, self.networks = tables, vehicles, networks
         route = vehicles.route
         self.stop_line, self.length = tables.stop_line[route], tables.length[route]
-        self.must_stop = tables.must_stop[route]
+        self.must_stop, self.first_conflict = tables.must_stop[route], tables.first_conflict[route]
         own, other = route[:, :, None], route[:, None, :]
         self.lane_begin, self.lane_end, self.offset = (
             table[own, other].movedim(-1, 0) for table in (tables.lane_begin, tables.lane_end, tables.offset)
@@ -197,7 +199,8 @@ class TorchPredictor:
         limit, headings = self.tables.road(self.vehicles.route.expand(position.shape), position)
         lead, further, to_lead, lead_speed = self._leads(position, front, rear, speed, present)
         v_max = torch.minimum(limit, self.vehicles.max_speed)
-        return Seen(View(self.stop_line - front, speed, v_max, headings, to_lead, lead_speed), rear, lead, further)
+        view = View(self.stop_line - front, speed, v_max, headings, to_lead, lead_speed)
+        return Seen(view, rear, (speed >= _core.DRIVES) | (front > self.first_conflict), lead, further)
 
     def at_stop(self, seen: Seen) -> Tensor:
         """(..., vehicle) bool: who makes the stop that its line asks for."""
@@ -217,7 +220,7 @@ class TorchPredictor:
             view.to_line.gather(-1, j) + self.beyond_line,
             view.speed.gather(-1, j),
         )
-        settled = delta & (view.to_line < view.speed.square() / (2.0 * _core.BRAKING))
+        settled = delta & seen.goes_on & (view.to_line < view.speed.square() / (2.0 * _core.BRAKING))
         told = _some(active & (assignment < 0), i, settled) | _some(active & (assignment > 0), j, settled)
         free = active & (assignment == 0)
         kept = _some(free & settled.gather(-1, i) & ~delta.gather(-1, j), j, settled)
@@ -239,7 +242,8 @@ class TorchPredictor:
         mine = torch.where(pairs.told, self.tables.route_count[route], self.tables.number[route])
         own = torch.where(delta | ~held.waits, -1, mine)
         same = self.same_lane.expand(*hold.shape, -1).gather(-1, seen.lead.unsqueeze(-1)).squeeze(-1)
-        queues = (seen.view.to_lead < LEAD_RANGE) & same & (seen.view.to_line >= 0.0)
+        in_queue = (seen.view.to_line >= 0.0) | ~seen.goes_on
+        queues = (seen.view.to_lead < LEAD_RANGE) & same & in_queue
         return torch.maximum(own, torch.where(queues, hold.gather(-1, seen.lead), -1))
 
     def _leads(

@@ -20,6 +20,8 @@ MOST_THREADS: int = 256
 
 BRAKING: float = 4.0
 
+DRIVES: float = 1.0
+
 STOPPED: float = 0.5
 
 AT_LINE: float = 3.0

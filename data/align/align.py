@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from data.align.drives import Drive, find_drives
 from data.align.shift import LaneShift, lane_shifts, shifted
 from data.recording import Recording
-from intersection_env.maps.compiler import compile_map
+from intersection_env.maps.compiler import Recompiler, compile_map
 from intersection_env.maps.intersection import Intersection
 from intersection_env.maps.source import MapSource
 
@@ -45,11 +45,12 @@ def align(
     first = drives = find_drives(recordings, before)
     if not drives:
         raise ValueError(f'no car of the recordings drives on a route of map "{source.name}"')
+    recompiler = Recompiler()
     applied: list[dict[str, LaneShift]] = []
     limited: list[str] = []
     for number in range(1, ROUNDS + 1):
         shifts = lane_shifts(source, after, drives, least_cars)
-        source, after, shifts, words = _moved_as_far_as_possible(source, after, shifts)
+        source, after, shifts, words = _moved_as_far_as_possible(source, after, shifts, recompiler)
         drives = find_drives(recordings, after)
         applied.append(shifts)
         limited += [f"round {number}: {word}" for word in words]
@@ -66,12 +67,12 @@ def compiled(source: MapSource) -> Intersection:
 
 
 def _moved_as_far_as_possible(
-    source: MapSource, intersection: Intersection, shifts: dict[str, LaneShift]
+    source: MapSource, intersection: Intersection, shifts: dict[str, LaneShift], recompiler: Recompiler
 ) -> tuple[MapSource, Intersection, dict[str, LaneShift], list[str]]:
     """All lanes moved, or one after the other, the most driven first, each as far as the map still compiles."""
     moved = shifted(source, shifts)
     try:
-        return moved, compiled(moved), shifts, []
+        return moved, Intersection(recompiler.compile(moved), moved.name), shifts, []
     except ValueError:
         pass
     applied: dict[str, LaneShift] = {}
@@ -82,7 +83,7 @@ def _moved_as_far_as_possible(
             applied[name] = shift.times(share)
             tried = shifted(source, {name: applied[name]})
             try:
-                intersection, source = compiled(tried), tried
+                intersection, source = Intersection(recompiler.compile(tried), tried.name), tried
             except ValueError as error:
                 why = why or str(error)
                 continue

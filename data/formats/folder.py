@@ -10,13 +10,18 @@ from data.formats.commonroad import commonroad_runs, read_commonroad
 from data.formats.interaction import interaction_file, interaction_ids, read_interaction
 from data.recording import Recording
 
-IND, INTERACTION, COMMONROAD = "inD", "INTERACTION", "CommonRoad"
+IND, INTERACTION, COMMONROAD, PROTOBUF = "inD", "INTERACTION", "CommonRoad", "CommonRoad in protobuf"
 FILES = {
     IND: r"\d+_tracks\.csv(\.xz)?",
     INTERACTION: r"vehicle_tracks_\w+\.csv(\.xz)?",
     COMMONROAD: r".+\.xml",
+    PROTOBUF: r".+\.pb",
 }
 """What the file of a recording is called."""
+NO_PROTOBUF = (
+    "CommonRoad's protobuf is not read; write it as XML first with commonroad-io, in an environment of its own (see"
+    " docs/real_data.md)"
+)
 
 
 def format_of(folder: Path) -> str:
@@ -24,7 +29,7 @@ def format_of(folder: Path) -> str:
 
     Raises:
         FileNotFoundError: there is no such folder, or no recording in it.
-        ValueError: recordings of several formats lie there.
+        ValueError: recordings of several formats lie there, or of one that is not read.
     """
     wanted = "wanted NN_tracks.csv (inD), vehicle_tracks_NNN.csv (INTERACTION) or scenarios, *.xml (CommonRoad)"
     if not folder.is_dir():
@@ -36,6 +41,8 @@ def format_of(folder: Path) -> str:
     if len(found) > 1:
         there = ", ".join(f"{name} ({one})" for one, name in found.items())
         raise ValueError(f"{folder}: recordings of several formats: {there}; give each a folder of its own")
+    if PROTOBUF in found:
+        raise ValueError(f"{folder / found[PROTOBUF]}: {NO_PROTOBUF}")
     return next(iter(found))
 
 

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from data.formats.folder import read_recording, recording_ids
+from data.formats.folder import NO_PROTOBUF, read_recording, recording_ids
 from data.maps.commonroad_file import read_commonroad
 from data.maps.junction import MOST_RADIUS, Circle
 from data.maps.lanelet2_file import read_lanelet2
@@ -63,13 +63,21 @@ def main(arguments: Sequence[str] | None = None) -> int:
         about = f"From {options.file.name} (python -m data.maps), around {imported.circle}; {lane_map.origin}."
         with written_whole(options.out) as temporary:
             temporary.write_text(source_text(imported.content(about)), encoding="utf-8")
-            MapSource.read(temporary)
+            _check_written(temporary, options.out)
     except (OSError, ValueError) as error:
         print(f"error: {error}", file=sys.stderr)
         return 1
     print(report(imported, lane_map))
     print(f"written: {options.out} (look at it: python -m intersection_env.plots {options.out} --out map.png)")
     return 0
+
+
+def _check_written(written: Path, out: Path) -> None:
+    """Reads the source back as everybody will; errors name the file that was asked for."""
+    try:
+        MapSource.read(written)
+    except ValueError as error:
+        raise ValueError(str(error).replace(str(written), str(out))) from None
 
 
 def report(imported: Imported, lane_map: LaneMap) -> str:
@@ -93,6 +101,8 @@ def report(imported: Imported, lane_map: LaneMap) -> str:
 def _read(path: Path, origin: str | None) -> LaneMap:
     if path.suffix == ".osm":
         return read_lanelet2(path, None if origin is None else _pair("--origin", origin))
+    if path.suffix == ".pb":
+        raise ValueError(f"{path}: {NO_PROTOBUF}")
     if path.suffix != ".xml":
         raise ValueError(f"{path}: wanted a Lanelet2 map (.osm) or a CommonRoad file (.xml)")
     if origin is not None:

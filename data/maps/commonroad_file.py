@@ -14,7 +14,7 @@ from xml.etree.ElementTree import Element
 import numpy as np
 
 from data.formats.xml_tree import number, read_xml, text_of
-from data.maps.bounds import distinct, follow_each_other, with_loose_joints
+from data.maps.bounds import distinct, facing, follow_each_other, with_loose_joints
 from data.maps.lanelets import Lanelet, LaneMap
 from data.maps.speed_limit import speed_limit
 from intersection_env.maps.curve import Points
@@ -33,6 +33,7 @@ NO_CARS = {
 KNOWN = ("lanelet", "trafficSign", "location", "scenarioTags", "planningProblem", "dynamicObstacle", "staticObstacle",
          "obstacle", "intersection", "environmentObstacle", "phantomObstacle")  # fmt: skip
 LIGHTS = "trafficLight"
+MOST_JOINT = 10.0  # [m], ours: what begins farther from where a lanelet ends does not follow it, whatever the file says
 
 
 def read_commonroad(path: Path) -> LaneMap:
@@ -58,13 +59,23 @@ def read_commonroad(path: Path) -> LaneMap:
         if why:
             left_out[why] += 1
             continue
-        found[id] = _lanelet(f"{path}: lanelet {id}", id, element, signs, kinds)
+        drawn = _lanelet(f"{path}: lanelet {id}", id, element, signs, kinds)
+        left, right = facing(drawn.left, drawn.right)
+        if (left[0] != drawn.left[0]).any() or (right[0] != drawn.right[0]).any():
+            ignored[f"direction in which the bounds of lanelet {id} are drawn: the left one is on the left"] += 1
+        found[id] = replace(drawn, left=left, right=right)
     if not found:
         raise ValueError(f"{path}: no lanelet on which cars drive")
     for id, one in found.items():
         known = tuple(other for other in one.successors if other in found)
         ignored["successor that is not there, or not for cars"] += len(one.successors) - len(known)
-        found[id] = replace(one, successors=known)
+        away = {other: _away(one, found[other]) for other in known}
+        ignored.update(
+            f"successor {other} of lanelet {id}, for it begins {far:.0f} m from its end; is one drawn backwards?"
+            for other, far in away.items()
+            if far > MOST_JOINT
+        )
+        found[id] = replace(one, successors=tuple(other for other, far in away.items() if far <= MOST_JOINT))
     beside = follow_each_other(found)
     for id, one in found.items():
         if not one.successors and beside[id].successors:
@@ -95,6 +106,12 @@ def _lanelet(where: str, id: str, element: Element, signs: dict[str, Element], k
         signs=frozenset(SIGNS[kinds[one]] for one in own if kinds[one] in SIGNS),
         stop_line=stop_line,
     )
+
+
+def _away(one: Lanelet, other: Lanelet) -> float:
+    """How far from the end of a lanelet another one begins [m]."""
+    ends, begins = one.left[-1] + one.right[-1], other.left[0] + other.right[0]
+    return float(0.5 * np.linalg.norm(ends - begins))
 
 
 def _points(where: str, element: Element | None) -> Points:

@@ -85,7 +85,7 @@ def source_of(lane_map: LaneMap, name: str, around: Circle | None, locations: Se
     """
     circles = junctions(meetings(lane_map))
     if around is None and len(circles) > 1:
-        circles = _usable(lane_map, name, circles) or circles
+        circles = _usable(lane_map, name, circles)
     circle = chosen(circles, around)
     lane_map, inside = cut_at_junction(lane_map, circle)
     counts = Counter({f"lanelet: {why}": count for why, count in lane_map.left_out.items()})
@@ -115,14 +115,21 @@ def source_of(lane_map: LaneMap, name: str, around: Circle | None, locations: Se
 
 
 def _usable(lane_map: LaneMap, name: str, circles: Sequence[Circle]) -> list[Circle]:
-    """Of the junctions with most crossings, those of which a source can be made."""
-    found = []
+    """Of the junctions with most crossings, those of which a source can be made.
+
+    Raises:
+        ValueError: of none; the message says why of each.
+    """
+    found, refused = [], []
     for circle in circles[:OFFERED]:
         try:
             compile_map(source_of(lane_map, name, circle).source)
-        except ValueError:
+        except ValueError as error:
+            refused.append(f"around {circle}: {error}")
             continue
         found.append(circle)
+    if not found:
+        raise ValueError("\n  ".join([f"{len(circles)} junctions are on this map, and none can be used:", *refused]))
     return found
 
 

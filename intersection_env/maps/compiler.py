@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import json
 import zlib
+from collections.abc import Sequence
 from itertools import chain, combinations
 from pathlib import Path
 
 from intersection_env.maps.conflicts import Encounter, Meeting, encounters_of, meeting
 from intersection_env.maps.meeting import Conflict, Overlap, SharedLane
 from intersection_env.maps.route import HEADING_OFFSETS, SPACING, CompiledRoute, compile_route
-from intersection_env.maps.source import MapSource
+from intersection_env.maps.source import MapSource, RouteSource
 
 MAGIC = "intersection_env map"
 VERSION = 2
@@ -24,14 +25,58 @@ def compile_map(source: MapSource) -> str:
             in too many places, ...), or the source leaves pairs of routes undecided: all of them are named, with
             what could be said.
     """
-    routes = [compile_route(source, route) for route in source.routes]
-    pairs = combinations(range(len(routes)), 2)
-    meetings = [meeting(source, (a, b), (routes[a], routes[b])) for a, b in pairs]
-    _check_decided(meetings)
-    conflicts = [one for found in meetings for one in found.conflicts]
-    shared = [one for found in meetings for one in found.shared]
-    overlaps = [one for found in meetings for one in found.overlaps]
-    return _text(source, routes, conflicts, shared, overlaps)
+    return Recompiler().compile(source)
+
+
+class Recompiler:
+    """Compiles sources one after another; what one has in common with the one before is not computed again.
+
+    In common are lanes, routes and rules that are the same objects, as in a source made by `dataclasses.replace`.
+    """
+
+    def __init__(self) -> None:
+        self._rules: tuple[object, ...] = ()
+        self._routes: dict[str, tuple[tuple[object, ...], CompiledRoute]] = {}
+        self._meetings: dict[tuple[int, int], tuple[tuple[CompiledRoute, CompiledRoute], Meeting]] = {}
+
+    def compile(self, source: MapSource) -> str:
+        """The text of the compiled map.
+
+        Raises:
+            ValueError: as `compile_map`.
+        """
+        rules = (source.arms, source.stop_lines, source.yields, source.free)
+        if not _same(rules, self._rules):
+            self._rules, self._routes, self._meetings = rules, {}, {}
+        routes = [self._route(source, route) for route in source.routes]
+        pairs = combinations(range(len(routes)), 2)
+        meetings = [self._meeting(source, (a, b), (routes[a], routes[b])) for a, b in pairs]
+        _check_decided(meetings)
+        conflicts = [one for found in meetings for one in found.conflicts]
+        shared = [one for found in meetings for one in found.shared]
+        overlaps = [one for found in meetings for one in found.overlaps]
+        return _text(source, routes, conflicts, shared, overlaps)
+
+    def _route(self, source: MapSource, route: RouteSource) -> CompiledRoute:
+        lanes = (*route.approach, *route.interior, *route.leaving)
+        made_of = (route, *(source.lanes[name] for name in lanes))
+        known = self._routes.get(route.id)
+        if known is None or not _same(known[0], made_of):
+            known = self._routes[route.id] = made_of, compile_route(source, route)
+        return known[1]
+
+    def _meeting(
+        self, source: MapSource, index: tuple[int, int], routes: tuple[CompiledRoute, CompiledRoute]
+    ) -> Meeting:
+        known = self._meetings.get(index)
+        if known is None or not _same(known[0], routes):
+            known = self._meetings[index] = routes, meeting(source, index, routes)
+        return known[1]
+
+
+def _same(one: Sequence[object], other: Sequence[object]) -> bool:
+    """Whether these are the same objects."""
+    return len(one) == len(other) and all(a is b for a, b in zip(one, other, strict=True))
 
 
 def encounters(source: MapSource) -> list[Encounter]:

@@ -16,7 +16,7 @@ from data.maps.place import shift_to
 from data.maps.utm import utm
 from data.recording import Recording
 from intersection_env.maps.intersection import Intersection
-from intersection_env.maps.source import MapSource
+from intersection_env.maps.source import LARGEST, MapSource
 from tests.support.lane_maps import (
     Junction,
     Rule,
@@ -174,6 +174,43 @@ def test_what_the_reader_does_not_know_is_counted(tmp_path: Path, capsys: pytest
     (tmp_path / "map.xml").write_text("\ufeff" + text, encoding="utf-8")
     assert main([str(tmp_path / "map.xml"), "--out", str(tmp_path / "out.json")]) == 0
     assert any("not read: kiosk" in line and line.endswith(" 2") for line in capsys.readouterr().out.splitlines())
+
+
+def turned(text: str, id: int, side: str) -> str:
+    """A CommonRoad map's text with one bound of a lanelet drawn the other way round."""
+    begin = text.index(f"<{side}>", text.index(f'<lanelet id="{id}">')) + len(f"<{side}>")
+    end = text.index(f"</{side}>", begin)
+    points = text[begin:end].split("</point>")[:-1]
+    return text[:begin] + "".join(f"{one}</point>" for one in points[::-1]) + text[end:]
+
+
+@pytest.mark.parametrize("sides", [("leftBound",), ("rightBound",), ("leftBound", "rightBound")])
+def test_bounds_drawn_backwards_are_turned_and_counted(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], sides: tuple[str, ...]
+) -> None:
+    """The left bound is on the left of who drives there, whichever way it is drawn."""
+    write_commonroad_map(tmp_path / "map.xml", junction())
+    right = imported(tmp_path, junction())
+    text = (tmp_path / "map.xml").read_text()
+    for side in sides:
+        text = turned(text, into("W"), side)
+    (tmp_path / "map.xml").write_text(text)
+    capsys.readouterr()
+    assert main([str(tmp_path / "map.xml"), "--out", str(tmp_path / "turned.json")]) == 0
+    assert f"direction in which the bounds of lanelet {into('W')} are drawn" in capsys.readouterr().out
+    np.testing.assert_array_equal(
+        MapSource.read(tmp_path / "turned.json").lanes["W_in"].points, right.lanes["W_in"].points
+    )
+
+
+def test_a_lane_drawn_backwards_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    drawn = junction()
+    backwards = drawn.changed(into("W"), centre=drawn.lanelets[into("W")].centre[::-1])
+    write_commonroad_map(tmp_path / "map.xml", backwards)
+    assert main([str(tmp_path / "map.xml"), "--out", str(tmp_path / "out.json")]) == 0
+    text = capsys.readouterr().out
+    assert f"of lanelet {into('W')}, for it begins 70 m from its end; is one drawn backwards?" in text
+    assert not any(route.entry == "W" for route in MapSource.read(tmp_path / "out.json").routes)
 
 
 @pytest.mark.parametrize(
@@ -337,6 +374,27 @@ def test_arguments_are_checked_before_the_map_is_read(
 ) -> None:
     assert main([str(tmp_path / "nowhere.osm"), "--out", str(tmp_path / "out.json"), *options]) == 1
     assert capsys.readouterr().err.startswith(message)
+
+
+def test_a_source_that_nobody_can_read_is_refused_by_the_name_that_was_asked_for(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The middle of the map is within reach, but not the lanes of its eastern arm."""
+    write_commonroad_map(tmp_path / "map.xml", junction().moved(LARGEST - 20.0, 0.0))
+    message = refused(tmp_path, capsys, tmp_path / "map.xml")
+    assert message.startswith(f"error: {tmp_path / 'out.json'}: ")
+    assert "E_" in message
+
+
+def test_where_no_junction_can_be_used_each_is_named_with_its_reason(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    inside = {id: replace(drawn, successors=()) for id, drawn in junction().lanelets.items() if id >= 1000}
+    away = {id + 5000: replace(one, id=id + 5000) for id, one in Junction(inside).moved(400.0, 30.0).lanelets.items()}
+    write_commonroad_map(tmp_path / "map.xml", Junction(inside | away))
+    message = refused(tmp_path, capsys, tmp_path / "map.xml")
+    assert "2 junctions are on this map, and none can be used:" in message
+    assert message.count("around ") == 4  # each circle, and in its reason once more
 
 
 def test_a_junction_of_which_no_source_can_be_made_is_not_offered(tmp_path: Path) -> None:

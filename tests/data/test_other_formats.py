@@ -11,6 +11,7 @@ import pytest
 from data.build import build, main
 from data.formats import ind
 from data.formats.folder import format_of, read_location, read_recording, recording_file, recording_ids
+from data.maps.__main__ import main as maps
 from data.recording import Recording
 from intersection_env.maps.intersection import Intersection
 from intersection_env.scenes.scenes import Scenes
@@ -108,6 +109,18 @@ def test_several_formats_in_one_folder_are_refused(folder: Path, tmp_path: Path,
         format_of(folder)
     with pytest.raises(FileNotFoundError, match="no recording here; wanted"):
         format_of(Path(__file__).parent)
+
+
+def test_scenarios_in_protobuf_are_refused_by_name(
+    tmp_path: Path, recording: Recording, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "XX_Place-1.pb").write_bytes(b"\x0a\x00")
+    refused(tmp_path, "XX_Place-1.pb: CommonRoad's protobuf is not read; write it as XML first")
+    assert maps([str(tmp_path / "XX_Place-1.pb"), "--out", str(tmp_path / "place.json")]) == 1
+    assert "XX_Place-1.pb: CommonRoad's protobuf is not read" in capsys.readouterr().err
+    assert not (tmp_path / "place.json").exists()
+    write_commonroad(tmp_path / "one.xml", recording, 0, WINDOW)
+    refused(tmp_path, "recordings of several formats: one.xml (CommonRoad), XX_Place-1.pb (CommonRoad in protobuf)")
 
 
 def test_scenarios_that_do_not_follow_each_other_are_recordings_of_their_own(

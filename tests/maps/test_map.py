@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import json
 import pickle
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,8 +14,9 @@ import pytest
 import shapely
 
 from intersection_env import Intersection, Predictor, Traffic, Vehicle, rank_maneuvers
+from intersection_env.maps import compiler
 from intersection_env.maps.__main__ import main
-from intersection_env.maps.compiler import compile_map
+from intersection_env.maps.compiler import Recompiler, compile_map
 from intersection_env.maps.intersection import MAPS, XY, Sample
 from intersection_env.maps.source import MapSource
 from tests.conftest import MAP_NAMES
@@ -35,6 +37,25 @@ def test_shipped_map_is_what_its_source_compiles_to(name: str) -> None:
     assert len(fresh) == len(shipped)
     for one, other in zip(fresh, shipped, strict=True):
         assert one == other or float(one) == pytest.approx(float(other), abs=1e-5)
+
+
+def test_compiling_again_gives_the_same_and_looks_only_at_what_changed(monkeypatch: pytest.MonkeyPatch) -> None:
+    source = MapSource.read(MAPS / "t_junction.json")
+    lane = source.lanes["S_in"]
+    moved = replace(source, lanes={**source.lanes, "S_in": replace(lane, points=lane.points + 0.05)})
+    torn = replace(source, lanes={**source.lanes, "S_in": replace(lane, points=lane.points + 500.0)})
+    other = replace(source, arms={**source.arms, "S": replace(source.arms["S"], right_of_way="stop")})
+    recompiler, looked = Recompiler(), []
+    assert recompiler.compile(source) == compile_map(source)
+    with contextlib.suppress(ValueError):
+        recompiler.compile(torn)
+    for one in (moved, other, source):
+        assert recompiler.compile(one) == compile_map(one)
+    found = compiler.meeting
+    monkeypatch.setattr(compiler, "meeting", lambda *about: (looked.append(about[1]), found(*about))[1])
+    recompiler.compile(moved)
+    touched = {k for k, route in enumerate(source.routes) if "S_in" in route.approach}
+    assert set(looked) == {(a, b) for a in range(6) for b in range(a + 1, 6) if {a, b} & touched}
 
 
 def test_samples_follow_the_centreline(intersection: Intersection) -> None:

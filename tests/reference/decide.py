@@ -7,7 +7,7 @@ import numpy as np
 
 from tests.reference.intersection import Booleans, Floats, Integers, Map
 from tests.reference.lead import lead
-from tests.reference.memory import Memory, is_settled
+from tests.reference.memory import Memory, is_beyond, is_settled
 from tests.reference.networks import Network, evaluate
 from tests.reference.observe import Observation
 from tests.reference.pairs import conflict_of, is_active
@@ -126,7 +126,8 @@ def holds(intersection: Map, traffic: Traffic, memory: Memory, delta: Booleans, 
             own = int(traffic.route[i])
         queue = -1
         leader, _, _ = lead(intersection, traffic, memory.present, i)
-        if leader is not None and distance_to_stop_line(intersection, traffic, i) >= 0:
+        is_before = distance_to_stop_line(intersection, traffic, i) >= 0
+        if leader is not None and (is_before or not is_beyond(intersection, traffic, i)):
             lanes = [intersection.routes[traffic.route[k]].stop_lane for k in (i, leader)]
             queue = int(memory.hold[leader]) if lanes[0] == lanes[1] else -1
         result[i] = max(own, queue)

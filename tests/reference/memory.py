@@ -30,10 +30,8 @@ def initial_memory(intersection: Map, traffic: Traffic) -> Memory:
     count = len(traffic.route)
     present, delta = np.zeros(count, dtype=np.bool_), np.zeros(count, dtype=np.bool_)
     for i in range(count):
-        route = intersection.routes[traffic.route[i]]
-        present[i] = traffic.position[i] < route.length
-        is_going = traffic.speed[i] >= 1 or front(traffic, i) > route.first_conflict
-        delta[i] = cannot_stop(intersection, traffic, i) and is_going
+        present[i] = traffic.position[i] < intersection.routes[traffic.route[i]].length
+        delta[i] = is_under_way(intersection, traffic, i)
     return Memory(present, delta, np.full(count, -1, dtype=np.int64))
 
 
@@ -42,9 +40,19 @@ def cannot_stop(intersection: Map, traffic: Traffic, i: int) -> bool:
     return distance_to_stop_line(intersection, traffic, i) < braking_distance(traffic, i)
 
 
+def is_beyond(intersection: Map, traffic: Traffic, i: int) -> bool:
+    """Whether the vehicle, once past its line, does not wait there: it drives, or is in its first conflict."""
+    return bool(traffic.speed[i] >= 1 or front(traffic, i) > intersection.routes[traffic.route[i]].first_conflict)
+
+
+def is_under_way(intersection: Map, traffic: Traffic, i: int) -> bool:
+    """Whether the vehicle could not stop at its line any more, and does not wait beyond it."""
+    return cannot_stop(intersection, traffic, i) and is_beyond(intersection, traffic, i)
+
+
 def is_settled(intersection: Map, traffic: Traffic, memory: Memory, i: int) -> bool:
-    """Whether the vehicle goes, by its memory, and could not stop at its line any more."""
-    return bool(memory.delta[i]) and cannot_stop(intersection, traffic, i)
+    """Whether the vehicle goes, by its memory, and is under way."""
+    return bool(memory.delta[i]) and is_under_way(intersection, traffic, i)
 
 
 def settled(intersection: Map, traffic: Traffic, memory: Memory | None) -> Booleans:

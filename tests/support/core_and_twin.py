@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from intersection_env import Traffic, _core
 from intersection_env.policies.file import NetworkWeights, PolicyFile
 from tests.reference import predictor as reference
-from tests.support.twins import twin_map
+from tests.support.twins import twin_of
 
 TRAJECTORY_TOLERANCE = 1e-3  # [m] after 10 s, with decisions replayed
 
@@ -26,17 +26,20 @@ def core_predictor(traffic: Traffic, policy: PolicyFile) -> _core.Predictor:
 
 def replayed(
     traffic: Traffic, twin: reference.Traffic, predictor: _core.Predictor, assignment: NDArray[np.int8], **how: object
-) -> None:
-    """Asserts that core and twin agree, decisions replayed from the twin."""
-    truth = reference.predict(twin_map(traffic.intersection.name), twin, assignment[0], **how)  # type: ignore[arg-type]
+) -> float:
+    """Asserts that core and twin agree, decisions replayed from the twin; returns how far positions differ [m]."""
+    truth = reference.predict(twin_of(traffic.intersection), twin, assignment[0], **how)  # type: ignore[arg-type]
     decisions = np.ascontiguousarray(truth.enters[None, :50].astype(np.uint8))
+    farthest = 0.0
     for isa in _core.available_kernels():
         results = predictor.predict(traffic.core, assignment, True, True, decisions, isa)
         position, speed, acceleration, enters, present, time_loss, distance, *_ = results
         np.testing.assert_array_equal(present[0].astype(bool), truth.present, err_msg=isa)
         np.testing.assert_array_equal(enters[0].astype(bool), truth.enters, err_msg=isa)
         np.testing.assert_allclose(position[0], truth.position, atol=TRAJECTORY_TOLERANCE, err_msg=isa)
+        farthest = max(farthest, float(np.abs(position[0] - truth.position).max(initial=0.0)))
         np.testing.assert_allclose(speed[0], truth.speed, atol=2e-3, err_msg=isa)
         np.testing.assert_allclose(acceleration[0], truth.acceleration, atol=2e-2, err_msg=isa)
         np.testing.assert_allclose(time_loss[0], truth.time_loss, atol=1e-3, err_msg=isa)
         np.testing.assert_allclose(distance[0], truth.minimum_distance, atol=2e-3, err_msg=isa)
+    return farthest

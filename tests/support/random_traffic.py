@@ -18,7 +18,8 @@ def random_traffic(intersection: Map, generator: np.random.Generator, vehicles: 
     """Plausible traffic: mostly near the junction, no bodies closer than 0.3 m, no gaps in a lane below 1 m.
 
     Every value is exact in float32, so that twin and core start from the same traffic. past_line: the share of vehicles
-    that stand or creep past their line, before their first conflict.
+    that stand or creep past their line, before their first conflict. All are on their routes, however short those are
+    before the line or behind the junction.
     """
     sizes = ((4.5, 1.8, math.inf), (4.1, 1.75, math.inf), (12.0, 2.5, math.inf), (1.8, 0.6, BICYCLE_SPEED))
     traffic = Traffic(np.zeros(0, np.int64), *(np.zeros(0) for _ in range(5)))
@@ -28,7 +29,8 @@ def random_traffic(intersection: Map, generator: np.random.Generator, vehicles: 
         route = int(generator.integers(len(intersection.routes)))
         road = intersection.routes[route]
         length, width, max_speed = sizes[generator.choice(4, p=(0.4, 0.35, 0.1, 0.15))]
-        near = (road.stop_line - 45, road.stop_line), (road.stop_line, road.junction_end + 15), (0.0, road.stop_line)
+        before, behind = max(road.stop_line - 45, 0.0), min(road.junction_end + 15, road.length)
+        near = (before, road.stop_line), (road.stop_line, behind), (0.0, road.stop_line)
         position = float(np.float32(generator.uniform(*near[generator.choice(3, p=(0.7, 0.2, 0.1))])))
         limit = min(float(sample(intersection, route, position)[Sample.V_MAX]), max_speed)
         speed = 0.0 if generator.random() < 0.15 else float(generator.uniform(0, 1.1)) * limit
@@ -39,7 +41,7 @@ def random_traffic(intersection: Map, generator: np.random.Generator, vehicles: 
         tried = replace(
             traffic, **{n: np.append(getattr(traffic, n), np.asarray(x)) for n, x in zip(FIELDS, fields, strict=True)}
         )
-        if _is_free(intersection, tried):
+        if 0.0 <= position < road.length and _is_free(intersection, tried):
             traffic = tried
     raise ValueError(f"random_traffic: no room for {vehicles} vehicles on {intersection.name}")
 

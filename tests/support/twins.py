@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import os
+import tempfile
 from functools import cache
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +23,15 @@ CASES = int(os.environ.get("RANDOM_CASES", "1"))
 def twin_map(name: str) -> reference.Map:
     """The shipped map as the twin reads it."""
     return reference.load_map(MAPS / f"{name}.map")
+
+
+@cache
+def twin_of(intersection: Intersection) -> reference.Map:
+    """Any map as the twin reads it."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "compiled.map"
+        path.write_text(intersection.text, encoding="utf-8")
+        return reference.load_map(path)
 
 
 def as_traffic(intersection: Intersection, twin: reference.Traffic) -> Traffic:

@@ -14,7 +14,7 @@ constexpr int MAX_ROWS = MAX_VEHICLES / WIDTH;
 
 // A row of vehicles.
 struct VehicleRow : VehicleLanes {
-    Floats half_length, max_speed, stop_line, route_length, last_row, time_loss;
+    Floats half_length, max_speed, stop_line, first_conflict, route_length, last_row, time_loss;
     Ints first_row, route, present, must_stop;
 
     Ints first() const { return first_row; }
@@ -42,6 +42,7 @@ void start(const LaneProblem& p, OneScenario& run) {
         row.half_length = lanes_at(p.half_length + at);
         row.max_speed = lanes_at(p.max_speed + at);
         row.stop_line = lanes_at(p.stop_line + at);
+        row.first_conflict = lanes_at(p.first_conflict + at);
         row.route_length = lanes_at(p.route_length + at);
         row.last_row = lanes_at(p.last_row + at);
         row.first_row = lanes_at(p.first_row + at);

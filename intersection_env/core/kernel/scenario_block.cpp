@@ -116,8 +116,12 @@ void observe_and_decide(const Problem& problem, bool headings, ScenarioBlock& bl
     const int count = problem.vehicle_count;
     for (int i = 0; i < count; ++i) {
         const ProblemVehicle& known = problem.vehicles[i];
-        const UniformVehicle same{known.half_length, known.max_speed, known.stop_line,
-                                  static_cast<float>(known.last_row), known.first_row};
+        const UniformVehicle same{known.half_length,
+                                  known.max_speed,
+                                  known.stop_line,
+                                  known.first_conflict,
+                                  static_cast<float>(known.last_row),
+                                  known.first_row};
         observe_road(problem.observed, problem.inverse_spacing, same, headings, block.vehicles[i]);
         PredictedVehicle& vehicle = block.vehicles[i];
         vehicle.refused = vehicle.refused_by_assignment = vehicle.kept = Ints{};

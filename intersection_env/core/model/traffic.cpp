@@ -148,10 +148,8 @@ bool committed(const Map& map, const Traffic& traffic, int vehicle) {
     const Route& route = map.routes[at(traffic.route[at(vehicle)])];
     const float speed = traffic.speed[at(vehicle)];
     const bool cannot_stop = route.stop_line - traffic.front(vehicle) < speed * speed / (2.0F * BRAKING);
-    if (traffic.has_memories()) {
-        return cannot_stop && traffic.delta[at(vehicle)] != 0;
-    }
-    return cannot_stop && (speed >= 1.0F || traffic.front(vehicle) > route.first_conflict);
+    const bool under_way = cannot_stop && (speed >= DRIVES || traffic.front(vehicle) > route.first_conflict);
+    return under_way && (!traffic.has_memories() || traffic.delta[at(vehicle)] != 0);
 }
 
 Body body(const Traffic& traffic, int i) {

@@ -32,6 +32,7 @@ NB_MODULE(_core, m) {
     m.attr("MAX_VEHICLES") = MAX_VEHICLES;
     m.attr("MOST_THREADS") = MOST_THREADS;
     m.attr("BRAKING") = BRAKING;
+    m.attr("DRIVES") = DRIVES;
     m.attr("STOPPED") = STOPPED;
     m.attr("AT_LINE") = AT_LINE;
     m.attr("LEAST_SIZE") = LEAST_SIZE;

@@ -26,6 +26,7 @@ void LaneTables::fill_vehicles(const std::vector<ProblemVehicle>& vehicles) {
     half_length_.assign(size, 0.0F);
     max_speed_.assign(size, 1.0F);
     stop_line_.assign(size, 0.0F);
+    first_conflict_.assign(size, 0.0F);
     route_length_.assign(size, -1.0F); // behind every position: never present
     last_row_.assign(size, 1.0F);
     position_.assign(size, 0.0F);
@@ -41,6 +42,7 @@ void LaneTables::fill_vehicles(const std::vector<ProblemVehicle>& vehicles) {
         half_length_[i] = vehicle.half_length;
         max_speed_[i] = vehicle.max_speed;
         stop_line_[i] = vehicle.stop_line;
+        first_conflict_[i] = vehicle.first_conflict;
         route_length_[i] = vehicle.route_length;
         last_row_[i] = static_cast<float>(vehicle.last_row);
         position_[i] = vehicle.position;
@@ -140,6 +142,7 @@ LaneProblem LaneTables::problem() const {
             half_length_.data(),
             max_speed_.data(),
             stop_line_.data(),
+            first_conflict_.data(),
             route_length_.data(),
             last_row_.data(),
             position_.data(),

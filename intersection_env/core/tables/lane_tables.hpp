@@ -23,7 +23,8 @@ class LaneTables {
     void fill_pairs(const std::vector<ProblemVehicle>& vehicles, const std::vector<ProblemPair>& pairs);
 
     int vehicles_ = 0, padded_vehicles_ = 0, candidates_ = 0, padded_pairs_ = 0;
-    LaneVector<float> half_length_, max_speed_, stop_line_, route_length_, last_row_, position_, speed_;
+    LaneVector<float> half_length_, max_speed_, stop_line_, first_conflict_, route_length_, last_row_, position_,
+        speed_;
     LaneVector<std::int32_t> first_row_, route_, delta_, hold_, waited_, must_stop_;
     LaneVector<std::int32_t> other_, other_stop_lane_;
     LaneVector<float> begin_, end_, offset_, other_half_length_;

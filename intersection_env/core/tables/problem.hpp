@@ -25,7 +25,7 @@ constexpr int OBSERVED_COLUMNS = 8, POSE_COLUMNS = 4;
 struct ProblemVehicle {
     int first_row, last_row; // of its route: its first row in the tables, its number of rows less one
     float position, speed, half_length, half_width, max_speed;
-    float stop_line, route_length;
+    float stop_line, first_conflict, route_length;
     int route;
     bool must_stop;
     bool delta; // the memories at the start
@@ -62,7 +62,8 @@ struct Touch {
 // scenario at a time. Padding is never present, leads nobody and conflicts with nobody.
 struct LaneProblem {
     int vehicles, padded_vehicles, candidates, padded_pairs; // candidates: the most that one vehicle has
-    const float *half_length, *max_speed, *stop_line, *route_length, *last_row, *position, *speed; // (vehicle,)
+    const float *half_length, *max_speed, *stop_line, *first_conflict, *route_length; // (vehicle,)
+    const float *last_row, *position, *speed;
     const std::int32_t *first_row, *route, *delta, *hold, *waited; // delta is a mask: 0 or -1
     const std::int32_t* must_stop;                                 // mask
     // (candidate, vehicle)

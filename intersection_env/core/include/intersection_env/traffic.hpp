@@ -17,6 +17,8 @@ constexpr float LEAST_SIZE = 0.1F, MOST_LENGTH = 50.0F, MOST_WIDTH = 10.0F; // [
 constexpr float MOST_SPEED = 100.0F;                                        // [m/s], ours: faster is a unit mistaken
 constexpr std::int32_t MOST_WAITED = 1 << 20;                               // steps, ours: more than two days
 constexpr float BRAKING = 4.0F; // [m/s²], paper, Eq. (3): full braking in the reward and the stop-line test
+constexpr float DRIVES =
+    1.0F; // [m/s], ours: slower than this a vehicle beyond its line, but before its conflicts, waits
 
 // One entry a vehicle. Positions are arc lengths of vehicle centres [m], speeds [m/s], sizes [m].
 struct Traffic {
@@ -61,7 +63,7 @@ void find_conflicts(const Map& map, const Traffic& traffic, std::vector<Pair>& f
 std::vector<Pair> lane_order(const Map& map, const Traffic& traffic); // {ahead, behind}
 void lane_order(const Map& map, const Traffic& traffic, std::vector<Pair>& order);
 
-// Whether a vehicle goes and is past stopping at its line: by its memory, or without by the rule.
+// Whether a vehicle is past stopping at its line and does not wait beyond it; with memories, and has decided to go.
 bool committed(const Map& map, const Traffic& traffic, int vehicle);
 
 // The smallest distance between the bodies, rigid rectangles, of two vehicles that can touch, and which two; nothing if

@@ -33,10 +33,13 @@ inline Ints accepts_gap(Gap gap, const GapNetwork* network, const Encounter& e, 
     return gap_logit(*network, e) > patience;
 }
 
-// Mask: the vehicle has decided to enter and can no longer stop, whatever its pairs say.
-inline Ints settled(const VehicleLanes& vehicle) {
-    return vehicle.delta & (vehicle.distance_to_stop_line < vehicle.braking_distance);
+// Mask: past stopping at its line, and does not wait beyond it. Needs observe_road.
+inline Ints under_way(const VehicleLanes& vehicle) {
+    return (vehicle.distance_to_stop_line < vehicle.braking_distance) & vehicle.goes_on;
 }
+
+// Mask: the vehicle has decided to enter and is under way, whatever its pairs say.
+inline Ints settled(const VehicleLanes& vehicle) { return vehicle.delta & under_way(vehicle); }
 
 // Mask: the second of an assigned pair has its front in the conflict while the pair is active.
 inline Ints disobeys(Ints active, Ints assignment, Floats beyond_entry, Floats foe_beyond_entry) {
@@ -46,7 +49,8 @@ inline Ints disobeys(Ints active, Ints assignment, Floats beyond_entry, Floats f
 // After all pairs: the decision that holds, and whom it holds up. waits: the hold of a vehicle that is refused.
 inline void decide_vehicle(VehicleLanes& vehicle, Ints waits) {
     vehicle.delta = ~(vehicle.refused | vehicle.kept) | settled(vehicle);
-    const Ints queue = vehicle.distance_to_stop_line >= 0.0F ? vehicle.queue : all_ints(-1);
+    const Ints in_queue = (vehicle.distance_to_stop_line >= 0.0F) | ~vehicle.goes_on;
+    const Ints queue = in_queue ? vehicle.queue : all_ints(-1);
     vehicle.hold = most(vehicle.refused & ~vehicle.delta ? waits : all_ints(-1), queue);
 }
 

@@ -8,7 +8,7 @@ namespace intersection_env::INTERSECTION_ENV_ISA {
 
 // One vehicle's route and size; in a prediction the same in every lane, in worlds each lane has its own.
 struct UniformVehicle {
-    float half_length, max_speed, stop_line, last_row;
+    float half_length, max_speed, stop_line, first_conflict, last_row;
     int first_row;
 
     Ints first() const { return all_ints(first_row); }
@@ -29,6 +29,7 @@ inline void observe_road(const float* rows, float inverse_spacing, const Known& 
     vehicle.rear = vehicle.position - known.half_length;
     vehicle.distance_to_stop_line = known.stop_line - vehicle.front;
     vehicle.braking_distance = braking_distance(vehicle.speed);
+    vehicle.goes_on = (vehicle.speed >= DRIVES) | (vehicle.front > known.first_conflict);
     const Floats grid = vehicle.position * inverse_spacing;
     if (headings) {
         interpolate<2, 2>(rows, known.first(), known.last(), grid, vehicle.environment);

@@ -19,6 +19,7 @@ struct VehicleLanes : Seen {
     Ints delta, hold, waited; // the memories of the model; delta is a mask
 
     Floats front, rear, distance_to_stop_line, braking_distance;
+    Ints goes_on;          // mask: drives, or is in its first conflict; past its line it does not wait there
     Floats environment[8]; // the IDM's free speed, v_max, six relative headings
 
     Floats free_speed() const { return environment[0]; }

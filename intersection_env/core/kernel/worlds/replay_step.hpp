@@ -316,7 +316,7 @@ inline void watch(const ReplayArguments& g, ReplayLanes& run) {
 
 inline void remember(const ReplayArguments& g, Slot& slot) {
     observe_vehicle(g.map, slot);
-    slot.delta = committed(slot);
+    slot.delta = under_way(slot);
 }
 
 // Begins an episode in the wanted lanes, with a given track where it is not negative; the memories are those of a

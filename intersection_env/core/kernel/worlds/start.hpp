@@ -81,7 +81,7 @@ inline void look_afresh(const MapRows& map, const GapNetwork* network, int count
         if (bodies != Bodies::unseen) {
             locate(map, bodies, slot);
         }
-        slot.delta = committed(slot);
+        slot.delta = under_way(slot);
         slot.hold = all_ints(-1);
         slot.waited = Ints{};
         slot.left = Ints{};

@@ -63,12 +63,6 @@ inline void observe_vehicle(const MapRows& map, Slot& slot) {
     slot.refused = slot.kept = slot.blamed = Ints{};
 }
 
-// Mask: past stopping at its line; the memory of a decision that a start has. Needs observe_vehicle.
-inline Ints committed(const Slot& slot) {
-    const Ints cannot_stop = slot.distance_to_stop_line < slot.braking_distance;
-    return cannot_stop & ((slot.speed >= 1.0F) | (slot.front > slot.first_conflict));
-}
-
 // Beyond its end a route goes straight on.
 inline void locate(const MapRows& map, const Slot& slot, Floats position, Floats& x, Floats& y) {
     const Floats grid = most(position * map.inverse_spacing, all(0.0F));
