@@ -17,6 +17,7 @@ from intersection_env import Intersection, Predictor, Traffic, Vehicle, rank_man
 from intersection_env.maps import compiler
 from intersection_env.maps.__main__ import main
 from intersection_env.maps.compiler import Recompiler, compile_map
+from intersection_env.maps.conflicts import Meeting, meeting
 from intersection_env.maps.intersection import MAPS, XY, Sample
 from intersection_env.maps.source import MapSource
 from tests.conftest import MAP_NAMES
@@ -45,14 +46,18 @@ def test_compiling_again_gives_the_same_and_looks_only_at_what_changed(monkeypat
     moved = replace(source, lanes={**source.lanes, "S_in": replace(lane, points=lane.points + 0.05)})
     torn = replace(source, lanes={**source.lanes, "S_in": replace(lane, points=lane.points + 500.0)})
     other = replace(source, arms={**source.arms, "S": replace(source.arms["S"], right_of_way="stop")})
-    recompiler, looked = Recompiler(), []
+    recompiler, looked = Recompiler(), list[tuple[int, int]]()
     assert recompiler.compile(source) == compile_map(source)
     with contextlib.suppress(ValueError):
         recompiler.compile(torn)
     for one in (moved, other, source):
         assert recompiler.compile(one) == compile_map(one)
-    found = compiler.meeting
-    monkeypatch.setattr(compiler, "meeting", lambda *about: (looked.append(about[1]), found(*about))[1])
+
+    def looking(*about: Any) -> Meeting:
+        looked.append(about[1])
+        return meeting(*about)
+
+    monkeypatch.setattr(compiler, "meeting", looking)
     recompiler.compile(moved)
     touched = {k for k, route in enumerate(source.routes) if "S_in" in route.approach}
     assert set(looked) == {(a, b) for a in range(6) for b in range(a + 1, 6) if {a, b} & touched}

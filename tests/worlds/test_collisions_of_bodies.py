@@ -98,7 +98,7 @@ def collided(worlds: ClosedLoopWorlds) -> tuple[np.ndarray[Any, Any], ...]:
 
 
 def test_worlds_by_rectangles_stay_so_when_pickled() -> None:
-    circles, rectangles = (ClosedLoopWorlds(worlds=8, bodies=bodies) for bodies in ("circles", "rectangles"))  # type: ignore[arg-type]
+    circles, rectangles = (ClosedLoopWorlds(worlds=8, bodies=bodies) for bodies in ("circles", "rectangles"))
     expected = collided(rectangles)
     assert any((one != other).any() for one, other in zip(expected, collided(circles), strict=True))
     again = collided(pickle.loads(pickle.dumps(rectangles)))

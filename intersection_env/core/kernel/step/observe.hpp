@@ -21,15 +21,21 @@ inline Floats braking_distance(Floats speed) {
     return forward * forward * (0.5F / BRAKING);
 }
 
-// headings: whether the relative headings are wanted too. rows: OBSERVED_COLUMNS a grid point.
+// Where the vehicle is before its line or past it, which is all that decisions need.
 template <class Known>
-inline void observe_road(const float* rows, float inverse_spacing, const Known& known, bool headings,
-                         VehicleLanes& vehicle) {
+inline void observe_line(const Known& known, VehicleLanes& vehicle) {
     vehicle.front = vehicle.position + known.half_length;
     vehicle.rear = vehicle.position - known.half_length;
     vehicle.distance_to_stop_line = known.stop_line - vehicle.front;
     vehicle.braking_distance = braking_distance(vehicle.speed);
     vehicle.goes_on = (vehicle.speed >= DRIVES) | (vehicle.front > known.first_conflict);
+}
+
+// headings: whether the relative headings are wanted too. rows: OBSERVED_COLUMNS a grid point.
+template <class Known>
+inline void observe_road(const float* rows, float inverse_spacing, const Known& known, bool headings,
+                         VehicleLanes& vehicle) {
+    observe_line(known, vehicle);
     const Floats grid = vehicle.position * inverse_spacing;
     if (headings) {
         interpolate<2, 2>(rows, known.first(), known.last(), grid, vehicle.environment);

@@ -235,8 +235,7 @@ inline void recall(const ReplayArguments& g, bool road, ReplayLanes& run) {
     if (road) {
         observe_vehicle(g.map, expert);
     } else {
-        expert.distance_to_stop_line = expert.stop_line - (expert.position + expert.half_length);
-        expert.braking_distance = braking_distance(expert.speed);
+        observe_line(expert, expert);
     }
     Floats row[SEEN_COLUMNS];
     load_rows<1>(g.recorded.seen, (run.first_sample + (run.time - run.first_step)) * SEEN_COLUMNS, row);
