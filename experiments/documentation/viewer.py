@@ -22,7 +22,7 @@ PLACES = ("bendplatz", "roundabout")
 SETTLED = "viewer.prediction && viewer.ranking && !viewer.stale && !viewer.comparing.busy"
 BEST = "viewer.showOrder(viewer.ranking.rows[0]); viewer.play(false);"
 LATER = "viewer.setClock(viewer.moment + 15); viewer.changed();"  # 3 s
-RING = "viewer.predicts = true; viewer.openPlace('roundabout');"
+RING = "viewer.predicts = true; viewer.prediction = null; viewer.openPlace('roundabout');"
 SELECTED = "viewer.select(viewer.prediction.vehicles[0].id);"
 SHOTS = {"viewer.png": (BEST, LATER), "viewer_ring.png": (RING, SELECTED)}
 """Of each picture, what the page is told: the best order of the busiest moment; a ring with a car from each arm."""

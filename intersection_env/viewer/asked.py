@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from intersection_env.constants import DT
 from intersection_env.maps.intersection import Intersection
@@ -25,17 +26,18 @@ BUILDING = threading.Lock()  # Python's list of warnings is one for all threads
 
 @dataclass(frozen=True)
 class Asked:
-    """A traffic with what is assigned in it; `notes` are what is to be doubted about it, in words."""
+    """A traffic, the priorities (pair,) that are assigned in it, and what is to be doubted about it, in words."""
 
     traffic: Traffic
-    assigned: tuple[tuple[str, str], ...]
+    priorities: NDArray[np.int8]
     notes: tuple[str, ...]
 
 
 def asked(intersection: Intersection, scenes: Scenes | None, request: Mapping[str, Any]) -> Asked:
     """The traffic of a request: `vehicles` as they are given, or those of a `scene` at a `step`.
 
-    `assigned` are pairs (first, second) of ids.
+    `assigned` are pairs (first, second) of ids; `priorities`, in their place, a whole order as a ranking has it: routes
+    that meet twice may be passed first by one and then by the other.
 
     Raises:
         ValueError: something is missing or of another kind, or cannot be; the message names it.
@@ -43,7 +45,7 @@ def asked(intersection: Intersection, scenes: Scenes | None, request: Mapping[st
     with doubts() as found:
         is_given = "vehicles" in request
         traffic = _given(intersection, request["vehicles"]) if is_given else _recorded(scenes, request)
-    return Asked(traffic, _pairs(request.get("assigned", [])), tuple(str(doubt.message) for doubt in found))
+    return Asked(traffic, _priorities(traffic, request), tuple(str(doubt.message) for doubt in found))
 
 
 @contextmanager
@@ -102,6 +104,15 @@ def _number(row: Mapping[str, Any], name: str) -> float:
     if not isinstance(value, int | float) or isinstance(value, bool) or not math.isfinite(value):
         raise ValueError(f'vehicle {row.get("id")}: "{name}" is {value!r}; wanted a number')
     return float(value)
+
+
+def _priorities(traffic: Traffic, request: Mapping[str, Any]) -> NDArray[np.int8]:
+    if "priorities" not in request:
+        return traffic.assign(_pairs(request.get("assigned", [])))
+    given, count = request["priorities"], len(traffic.conflicts)
+    if not isinstance(given, list) or len(given) != count or any(one not in (-1, 0, 1) for one in given):
+        raise ValueError(f'"priorities" must be {count} numbers, one an open conflict, each -1, 0 or 1')
+    return np.array(given, np.int8)
 
 
 def _pairs(pairs: object) -> tuple[tuple[str, str], ...]:

@@ -47,7 +47,7 @@ def _moment(session: Session, place: dict[str, Any], start: dict[str, Any], step
         request = {"place": start["place"], "vehicles": place["example"]}
     ranking = session.answer("ranked", request)
     ranking["rows"] = [row for number, row in enumerate(ranking["rows"]) if number < ORDERS or _is_likely(row)]
-    orders = [session.answer("predicted", request | {"assigned": row["pairs"]}) for row in ranking["rows"]]
+    orders = [session.answer("predicted", request | {"priorities": row["priorities"]}) for row in ranking["rows"]]
     return {"step": step, "ranked": ranking, "predicted": session.answer("predicted", request), "orders": orders}
 
 

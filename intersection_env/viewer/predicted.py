@@ -27,7 +27,7 @@ def predicted(predictor: Predictor, asked: Asked) -> dict[str, Any]:
     A policy without an order network leaves to the gap decision what is not assigned, and has no fans.
     """
     traffic = asked.traffic
-    given = traffic.assign(asked.assigned)
+    given = asked.priorities
     likely = forecast(predictor, traffic, given, most=MOST) if predictor.core_policy.can_forecast else None
     shown = predictor.predict(traffic, given) if likely is None else likely.most_probable()
     order = crossing_order(traffic, shown)[0]
@@ -91,12 +91,12 @@ def _waits(shown: Prediction, order: NDArray[np.int8]) -> Iterator[list[list[int
     start = shown.traffic
     asked = np.zeros_like(order) if shown.priorities is None else shown.priorities[0]
     first = np.where(order != 0, order, np.where(asked != 0, asked, -1))
-    awaited = {
-        frozenset((start.ids[yielder], start.ids[prioritized])): [int(yielder), int(prioritized)][:: int(-way)]
-        for (yielder, prioritized), way in zip(start.conflicts, first, strict=True)
-    }
+    awaited: dict[tuple[str, str], list[list[int]]] = {}
+    for (yielder, prioritized), way in zip(start.conflicts.tolist(), first.tolist(), strict=True):
+        pairs = awaited.setdefault((start.ids[yielder], start.ids[prioritized]), [])
+        pairs.append([yielder, prioritized][::-way])
     for step, time in enumerate(shown.time):
         now = shown.traffic_at(float(time))
         held = ~shown.enters[0, step]
-        found = (awaited[frozenset((now.ids[a], now.ids[b]))] for a, b in now.conflicts)
-        yield [pair for pair in found if held[pair[0]]]
+        found = [pair for a, b in now.conflicts for pair in awaited[now.ids[a], now.ids[b]] if held[pair[0]]]
+        yield [list(pair) for pair in dict.fromkeys(map(tuple, found))]

@@ -37,7 +37,7 @@ def ranked(predictor: Predictor, asked: Asked) -> dict[str, Any]:
     true where it is only known to be below that of those that are listed. `differs` are the pairs (first, second) in
     which an order is another than what happens without it.
     """
-    traffic, given = asked.traffic, asked.traffic.assign(asked.assigned)
+    traffic, given = asked.traffic, asked.priorities
     table = rank_maneuvers(predictor, traffic)
     likely = forecast(predictor, traffic, given) if predictor.core_policy.can_forecast else None
     usual = crossing_order(traffic, predictor.predict(traffic, given))[0] if likely is None else likely.orders[0]
@@ -73,8 +73,8 @@ def _row(
     return {
         "rank": row + 1,
         "order": figures["order"].split(", "),
-        "pairs": [list(pair) for pair in traffic.words(order)],
-        "differs": [list(pair) for pair in traffic.words(other)],
+        "priorities": order.tolist(),
+        "differs": [list(pair) for pair in dict.fromkeys(traffic.words(other))],
         "followed": bool(figures["followed"]),
         "safe": bool(figures["safe"]),
         "worthExecuting": bool(figures["worth_executing"]),

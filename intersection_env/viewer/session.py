@@ -137,9 +137,9 @@ def _holds(place: Place, scene_id: str | None) -> bool:
 
 
 def _example(intersection: Intersection) -> list[Answer]:
-    """A car from each arm, on the route that meets the most others."""
+    """A car from each arm, on the route that meets the most others and does not lead back."""
     meets = Counter(route for one in intersection.conflicts for route in (one.yielder, one.prioritized))
-    busiest = sorted(intersection.routes, key=lambda route: meets[route.index])
+    busiest = sorted(intersection.routes, key=lambda route: (route.entry != route.exit, meets[route.index]))
     routes = {route.entry: route for route in busiest}  # the last one of an arm
     return [
         {

@@ -86,7 +86,7 @@ def test_an_export_holds_the_scene_its_moments_and_their_orders(session: Session
     assert first["predicted"] == session.answer("predicted", request)
     assert len(first["orders"]) == len(first["ranked"]["rows"]) > 0
     for row, shown in zip(first["ranked"]["rows"], first["orders"], strict=True):
-        assert shown == session.answer("predicted", request | {"assigned": row["pairs"]})
+        assert shown == session.answer("predicted", request | {"priorities": row["priorities"]})
 
 
 def test_an_export_of_a_place_without_scenes_holds_its_example(tmp_path: Path) -> None:

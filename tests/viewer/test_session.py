@@ -92,7 +92,7 @@ def test_a_listed_order_is_a_row_of_the_ranking_with_its_probability(session: Se
         wanted = table.iloc[row["rank"] - 1]
         assert ", ".join(row["order"]) == wanted["order"]
         assert row["gain"] == pytest.approx(wanted["gain"], abs=1e-3)
-        assert moment.assign([tuple(pair) for pair in row["pairs"]]).tolist() == wanted["priorities"].tolist()
+        assert row["priorities"] == wanted["priorities"].tolist()
         if not row["atMost"]:
             assert row["probability"] == pytest.approx(known[wanted["order"]], abs=1e-4)
         else:
@@ -104,26 +104,44 @@ def test_a_listed_order_is_a_row_of_the_ranking_with_its_probability(session: Se
 def test_an_order_that_is_shown_goes_as_it_says(session: Session) -> None:
     request = three()
     for row in session.answer("ranked", request)["rows"]:
-        answer = session.answer("predicted", request | {"assigned": row["pairs"]})
-        ids = [one["id"] for one in answer["vehicles"]]
-        shown = [
-            [ids[pair["yielder"]], ids[pair["prioritized"]]][:: 1 if pair["first"] > 0 else -1]
-            for pair in answer["pairs"]
-            if pair["first"]
-        ]
-        assert all(pair in row["pairs"] for pair in shown)
+        answer = session.answer("predicted", request | {"priorities": row["priorities"]})
+        shown = [pair["first"] for pair in answer["pairs"]]
+        assert [one in (0, way) for one, way in zip(shown, row["priorities"], strict=True)] == [True] * len(shown)
+        assert [pair["given"] for pair in answer["pairs"]] == row["priorities"]
 
 
 def test_an_assigned_pair_binds_prediction_and_ranking(session: Session) -> None:
     request = three()
     free, bound = (session.answer("ranked", request | {"assigned": pairs}) for pairs in ([], [["side", "main"]]))
     assert bound["orders"] < free["orders"]
-    assert all(["side", "main"] in row["pairs"] for row in bound["rows"])
-    assert any(["main", "side"] in row["pairs"] for row in free["rows"])
     answer = session.answer("predicted", request | {"assigned": [["side", "main"]]})
     ids = [one["id"] for one in answer["vehicles"]]
     (pair,) = [one for one in answer["pairs"] if {ids[one["yielder"]], ids[one["prioritized"]]} == {"side", "main"}]
     assert (pair["given"], pair["first"], pair["yielderFirst"]) == (1, 1, 1.0)
+    place = answer["pairs"].index(pair)
+    assert {row["priorities"][place] for row in bound["rows"]} == {1}
+    assert {row["priorities"][place] for row in free["rows"]} == {-1, 1}
+
+
+@pytest.mark.parametrize("name", ["roundabout", "all_way_stop", "crossroads", "t_junction", "bendplatz"])
+def test_every_order_of_every_map_can_be_shown_also_where_routes_meet_twice(name: str) -> None:
+    intersection = Intersection.load(name)
+    session = Session([Place(intersection)], DEFAULT)
+    (place,) = session.opened()["places"]
+    back = {route.entry: route for route in intersection.routes if route.entry == route.exit}
+    leading_back = [
+        one | {"route": back[one["id"]].id, "position": back[one["id"]].stop_line - 25.0}
+        for one in place["example"]
+        if one["id"] in back
+    ]
+    for vehicles in filter(None, (place["example"], leading_back)):
+        request = {"place": name, "vehicles": vehicles}
+        rows = session.answer("ranked", request)["rows"]
+        assert rows
+        for row in rows:
+            answer = session.answer("predicted", request | {"priorities": row["priorities"]})
+            assert [pair["given"] for pair in answer["pairs"]] == row["priorities"]
+            assert len(answer["waits"]) == 51
 
 
 def test_who_waits_is_held_and_waits_for_one_that_goes_first(session: Session) -> None:
@@ -183,6 +201,7 @@ WRONG: dict[str, tuple[str, dict[str, Any], str]] = {
     "step beyond": ("predicted", {"place": "bendplatz", "scene": "SCENE", "step": 10**6}, "has states every 0.2 s"),
     "vehicles": ("predicted", {"place": "bendplatz", "vehicles": 3}, '"vehicles" must be a list'),
     "pairs": ("ranked", three() | {"assigned": [["side"]]}, "wanted a pair of ids"),
+    "priorities": ("predicted", three() | {"priorities": [1]}, '"priorities" must be [0-9]+ numbers'),
     "unknown": ("ranked", three() | {"assigned": [["side", "who"]]}, 'no vehicle "who"'),
     "contrary": ("ranked", three() | {"assigned": [["side", "main"], ["main", "side"]]}, "each told to go before"),
 }

@@ -25,16 +25,16 @@ function liveSource() {
 }
 
 function fileSource(data) {
-  const same = (a, b) => JSON.stringify(a ?? []) === JSON.stringify(b ?? []);
+  const same = (a, b) => JSON.stringify(a) === JSON.stringify(b);
   const answers = {
     opened: () => data.opened,
     road: () => data.road,
     scene: () => data.scene,
     ranked: ({ step }) => moment(step)?.ranked ?? null,
-    predicted: ({ step, assigned }) => {
+    predicted: ({ step, priorities }) => {
       const at = moment(step);
-      if (!at || !assigned?.length) return at?.predicted ?? null;
-      return at.orders[at.ranked.rows.findIndex((row) => same(row.pairs, assigned))];
+      if (!at || !priorities) return at?.predicted ?? null;
+      return at.orders[at.ranked.rows.findIndex((row) => same(row.priorities, priorities))];
     },
   };
   const moment = (step = 0) => data.moments.find((one) => one.step === step);

@@ -68,13 +68,13 @@ export class Viewer {
     const { vehicles, assigned, order } = this;
     const state = { vehicles, assigned, order };
     this.stale = true;
-    this.predicting.request(this.asked(state, order ? order.pairs : assigned));
-    if (ranks) this.comparing.request(this.asked(state, assigned));
+    this.predicting.request(this.asked(state, order ? { priorities: order.priorities } : { assigned }));
+    if (ranks) this.comparing.request(this.asked(state, { assigned }));
   }
 
-  asked(state, assigned) {
+  asked(state, bound) {
     const traffic = state.vehicles ? { vehicles: state.vehicles } : { scene: this.scene.id, step: this.moment };
-    return { epoch: this.epoch, state, request: { place: this.place.name, ...traffic, assigned } };
+    return { epoch: this.epoch, state, request: { place: this.place.name, ...traffic, ...bound } };
   }
 
   takePrediction(answer, asked) {
@@ -99,7 +99,7 @@ export class Viewer {
     this.stale = false;
     if (this.good && asked.state !== this.good) {
       Object.assign(this, this.good);
-      this.comparing.request(this.asked(this.good, this.good.assigned));
+      this.comparing.request(this.asked(this.good, { assigned: this.good.assigned }));
     }
     this.changed();
   }
