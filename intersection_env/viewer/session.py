@@ -22,7 +22,8 @@ from intersection_env.viewer.recorded import busiest_scene, busiest_step, scene_
 from intersection_env.viewer.road import road_of
 
 Answer = dict[str, Any]
-EXAMPLE_DISTANCE, EXAMPLE_SPEED = 25.0, 7.0  # [m] before its line, [m/s]: ours, near enough to meet each other
+EXAMPLE_DISTANCE, EXAMPLE_APART, EXAMPLE_SPEED = 14.0, 7.0, 7.0
+"""[m] before its line, [m] more from arm to arm, [m/s]; ours: near enough to meet each other, but not all at once."""
 EXAMPLE_LENGTH, EXAMPLE_WIDTH = 4.5, 1.8  # [m], as of `Vehicle`
 
 
@@ -145,11 +146,11 @@ def _example(intersection: Intersection) -> list[Answer]:
         {
             "id": arm,
             "route": route.id,
-            "position": round(max(route.stop_line - EXAMPLE_DISTANCE, EXAMPLE_LENGTH), 2),
+            "position": round(max(route.stop_line - EXAMPLE_DISTANCE - EXAMPLE_APART * number, EXAMPLE_LENGTH), 2),
             "speed": EXAMPLE_SPEED,
             "length": EXAMPLE_LENGTH,
             "width": EXAMPLE_WIDTH,
             "maxSpeed": None,
         }
-        for arm, route in sorted(routes.items())
+        for number, (arm, route) in enumerate(sorted(routes.items()))
     ]

@@ -10,7 +10,7 @@ export class Camera {
     this.moved++;
   }
 
-  fit([[left, low], [right, high]], margin = 8) {
+  fit([[left, low], [right, high]], margin = 14) {
     this.x = (left + right) / 2;
     this.y = (low + high) / 2;
     this.scale = Math.min(this.width / (right - left + 2 * margin), this.height / (high - low + 2 * margin));

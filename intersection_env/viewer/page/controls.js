@@ -25,10 +25,18 @@ export class Controls {
     on("pace", () => { viewer.pace = Number(this.at("pace").value); }, "change");
     on("to-moment", () => { viewer.playing = false; viewer.setClock(viewer.moment); viewer.changed(); });
     on("predict-here", () => viewer.moveTo(viewer.clock));
-    on("time", () => viewer.moveTo(Number(this.at("time").value)), "input");
+    on("time", () => this.goTo(Number(this.at("time").value)), "input");
     on("help-button", () => this.at("help").showModal());
     // The space bar is for playing, not for the button that was clicked last.
     document.addEventListener("click", (event) => event.detail && event.target.closest("button")?.blur());
+  }
+
+  // In a scene another moment; without one there is only the prediction to move in.
+  goTo(step) {
+    this.viewer.playing = false;
+    if (this.viewer.scene) this.viewer.moveTo(step);
+    else this.viewer.setClock(step);
+    this.viewer.changed("controls");
   }
 
   renderPlaces() {
@@ -54,7 +62,7 @@ export class Controls {
     at("reset").disabled = !viewer.edited && !viewer.assigned.length;
     at("play").textContent = viewer.playing ? "Pause" : "Play";
     at("predict-here").disabled = !isScene || viewer.clock === viewer.moment;
-    at("time").disabled = !isScene;
+    at("outline-is").parentElement.hidden = !isScene;
     at("outline-is").textContent = viewer.predicts ? "recorded" : "predicted";
     this.renderMessage();
     this.renderTime();
