@@ -13,7 +13,7 @@ MAP ?=
 MAPS := $(if $(MAP),--map $(MAP))
 SEEDS ?= 0 1 2
 
-.PHONY: help versions demo setup check test harden clients bench reproduce ablations real train gap maps recordings recorded statistics pages format clean
+.PHONY: help versions demo setup check test harden clients browser bench reproduce ablations real train gap maps recordings recorded statistics pages format clean
 
 help: ## these lines
 	@sed -nE 's/^([a-z]+):.*## (.*)/\1\t\2/p' $(MAKEFILE_LIST) | expand -t 14
@@ -42,6 +42,10 @@ versions: $(VENV)/.tools ## the wheel with the lowest and the newest versions of
 # The examples that learn with other libraries, each in an environment of its own (out/clients), which takes a while.
 clients: setup ## runs the examples with other libraries, each in an environment of its own
 	$(RUN) -m tests.clients $(CLIENTS)
+
+# The viewer in Chromium, which must be there: apt-get install chromium chromium-driver.
+browser: setup ## tries the viewer in a real browser (Chromium)
+	$(RUN) -m pytest -m browser -s tests/viewer
 
 bench: $(VENV)/.bench ## times all beside others' work; AGAINST=revision: beside that, pair by pair
 	$(RUN) -m experiments.bench$(if $(AGAINST),.against $(AGAINST))
@@ -98,6 +102,7 @@ pages: demo reproduce bench ## measures anew and makes the pages of docs/ that a
 	$(RUN) -m data.build $(RECORDINGS) --map bendplatz --out out/scenes.npz
 	$(RUN) -m experiments.gap --scenes out/scenes.npz --out out --figure docs/pictures/gap_acceptance.png
 	$(RUN) -m experiments.documentation.environments
+	$(RUN) -m experiments.documentation.viewer
 	$(RUN) -m experiments.documentation.results
 
 format: setup ## formats Python and C++

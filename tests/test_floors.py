@@ -33,6 +33,7 @@ FLOORS = {
         ("evaluation", "worlds", "plots"),
         ("render",),
         ("envs",),
+        ("viewer",),
         ("__init__", "map_compiler"),
         ("__main__",),
     ),

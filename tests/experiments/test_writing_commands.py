@@ -27,6 +27,7 @@ from experiments import demo
 from experiments.bench import bench
 from experiments.measure import crossing_order, driven_gain, forecast, gap, horizon, maneuver_gain, real, runtime
 from experiments.measure import validation_run as closed_loop
+from intersection_env.__main__ import main as intersection_env_main
 from intersection_env.evaluation import intervals
 from intersection_env.maps import __main__ as map_compiler
 from intersection_env.maps.intersection import MAPS
@@ -63,6 +64,7 @@ def measuring(module: Any, *arguments: str) -> Callable[[Given, Path], int]:
 COMMANDS: dict[str, tuple[str, Callable[[Given, Path], int]]] = {
     "maps": ("a.map", lambda given, out: map_compiler.main([str(MAPS / "t_junction.json"), str(out)])),
     "plots": ("a.png", lambda given, out: plots.main(["t_junction", "--out", str(out)])),
+    "view": ("a.html", lambda given, out: intersection_env_main(["view", "t_junction", "--export", str(out)])),
     "build": (
         "a.npz",
         lambda given, out: build.main([str(given.recordings), "--map", "t_junction", "--out", str(out)]),

@@ -15,6 +15,7 @@ import pettingzoo
 
 import intersection_env
 from intersection_env import Intersection, Predictor, Scenes, Traffic, Vehicle, rank_maneuvers
+from intersection_env.viewer.page_files import page_files
 
 
 def main() -> None:
@@ -31,6 +32,7 @@ def main() -> None:
         table = rank_maneuvers(Predictor.load("idm"), Traffic.of(intersection, vehicles))
         assert len(table) == 5, table
         assert table.total_time_loss.notna().all()
+    assert {"index.html", "style.css", "main.js"} <= set(page_files()), "the wheel lacks the viewer's page"
     step_environments()
     print(f"the wheel works: {intersection_env._core.kernel_name()} kernel")
 

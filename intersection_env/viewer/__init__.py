@@ -1,0 +1,1 @@
+"""The viewer in the browser: `python -m intersection_env view`."""

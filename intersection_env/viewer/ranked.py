@@ -1,0 +1,95 @@
+"""Crossing orders as the page lists them: by expected gain, and how probable each is if nobody intervenes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from intersection_env.prediction.forecast import Forecast, forecast
+from intersection_env.prediction.maneuvers import WORTHWHILE_GAIN, rank_maneuvers
+from intersection_env.prediction.measures import crossing_order
+from intersection_env.prediction.predictor import Predictor
+from intersection_env.traffic import Traffic
+from intersection_env.viewer.asked import Asked
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+FIRST, PROBABLE = 30, 12  # ours: rows that are listed by gain, and by probability: what somebody may read
+FIGURES = {
+    "gain": "gain",
+    "loss": "total_time_loss",
+    "worst": "worst_time_loss",
+    "worthwhile": "chance_worthwhile",
+    "unsafe": "chance_unsafe",
+    "distance": "minimum_distance",
+}
+"""Of a row on the page, and of a ranking."""
+
+
+def ranked(predictor: Predictor, asked: Asked) -> dict[str, Any]:
+    """The best orders and the most probable ones, of those that keep to what is assigned, and no intervention.
+
+    `probability` is that of the order if nobody intervenes but as assigned, and null without a forecast; `atMost` is
+    true where it is only known to be below that of those that are listed. `differs` are the pairs (first, second) in
+    which an order is another than what happens without it.
+    """
+    traffic, given = asked.traffic, asked.priorities
+    table = rank_maneuvers(predictor, traffic)
+    likely = forecast(predictor, traffic, given) if predictor.core_policy.can_forecast else None
+    usual = crossing_order(traffic, predictor.predict(traffic, given))[0] if likely is None else likely.orders[0]
+    orders = _orders(table, traffic)
+    keeps = ((orders == given) | (given == 0)).all(axis=1) & table["intervention"].to_numpy(np.bool_)
+    place = {} if likely is None else {order.tobytes(): k for k, order in enumerate(likely.orders)}
+    probable = np.array([place.get(order.tobytes(), len(place)) for order in orders], np.int64)
+    chosen = np.flatnonzero(keeps)
+    listed = np.unique([*chosen[:FIRST], *chosen[probable[chosen] < min(PROBABLE, len(place))]]).astype(int).tolist()
+    rows = [
+        _row(row, figures, traffic, orders[row], usual) | _probability(likely, int(probable[row]))
+        for row, figures in zip(listed, table.iloc[listed].to_dict("records"), strict=True)
+    ]
+    none = table[~table["intervention"]].to_dict("records")[0]
+    return {
+        "by": "prediction" if likely is None else "expectation",
+        "worthwhileGain": WORTHWHILE_GAIN,
+        "none": _figures(none),
+        "rows": rows,
+        "orders": int(keeps.sum()),
+        "leftOut": int(table.attrs["left_out"]),
+    }
+
+
+def _orders(table: pd.DataFrame, traffic: Traffic) -> NDArray[np.int8]:
+    return np.stack(table["priorities"].tolist()).reshape(len(table), len(traffic.conflicts))
+
+
+def _row(
+    row: int, figures: Mapping[Any, Any], traffic: Traffic, order: NDArray[np.int8], usual: NDArray[np.int8]
+) -> dict[str, Any]:
+    other = np.where(order != usual, order, 0).astype(np.int8)
+    return {
+        "rank": row + 1,
+        "order": figures["order"].split(", "),
+        "priorities": order.tolist(),
+        "differs": [list(pair) for pair in dict.fromkeys(traffic.words(other))],
+        "followed": bool(figures["followed"]),
+        "safe": bool(figures["safe"]),
+        "worthExecuting": bool(figures["worth_executing"]),
+        **_figures(figures),
+    }
+
+
+def _figures(figures: Mapping[Any, Any]) -> dict[str, float | None]:
+    """Numbers of a row; null where the ranking has none, or an infinite one."""
+    found = {name: float(figures[column]) for name, column in FIGURES.items() if column in figures}
+    return dict.fromkeys(FIGURES) | {name: round(one, 3) for name, one in found.items() if np.isfinite(one)}
+
+
+def _probability(likely: Forecast | None, place: int) -> dict[str, float | bool | None]:
+    if likely is None:
+        return {"probability": None, "atMost": False}
+    last = len(likely.probability) - 1
+    return {"probability": round(float(likely.probability[min(place, last)]), 4), "atMost": place > last}
