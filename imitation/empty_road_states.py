@@ -1,4 +1,7 @@
-"""What a car sees on an empty road: states that no recording has, as there others are about."""
+"""What a car sees on an empty road: states that no recording has, as there others are about.
+
+It enters (delta is 1) wherever no stop is to be made; before its stop sign it has yet to stop.
+"""
 
 from __future__ import annotations
 

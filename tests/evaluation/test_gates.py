@@ -31,7 +31,7 @@ def test_default_passes_the_gates() -> None:
 def test_constant_velocity_passes_none_of_them(moments: list[Moment]) -> None:
     found = gates(Predictor.load("constant_velocity"), moments)
     empty, slow, disobeys, collides = found.refusals()
-    assert empty.startswith("0.00 of the calibrated IDM's speed on an empty road, wanted 0.5 (bendplatz, ")
+    assert empty.startswith("0.00 of the calibrated IDM's speed on an empty road, wanted 0.5 (all_way_stop, ")
     assert slow.endswith("of the calibrated IDM's speed on an empty road in the mean, wanted 0.9")
     assert disobeys.startswith("disobeys ")
     assert collides.endswith("of the predictions, wanted at most 2%")

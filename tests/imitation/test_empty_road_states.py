@@ -19,12 +19,14 @@ COUNT = 1000
 
 
 @pytest.mark.parametrize("name", shipped_maps())
-def test_car_is_alone_and_need_not_wait(name: str) -> None:
+def test_car_is_alone_and_need_not_wait_but_for_its_stop(name: str) -> None:
     states = empty_road_states(Intersection.load(name), COUNT, np.random.default_rng(0))
     assert states.shape == (COUNT, 12)
     np.testing.assert_array_equal(states[:, Driving.LEAD_DISTANCE], np.float32(LEAD_RANGE))
     np.testing.assert_array_equal(states[:, Driving.LEAD_SPEED], np.float32(FREE_LEAD_SPEED))
-    assert (states[:, Driving.ENTERS] == 1.0).all()
+    waits = states[:, Driving.ENTERS] == 0.0
+    assert (states[waits, Driving.DISTANCE_TO_STOP_LINE] >= 0.0).all()
+    assert waits.any() == any(route.must_stop for route in Intersection.load(name).routes)
 
 
 def test_car_is_anywhere_on_the_map_and_stands_or_is_slow() -> None:

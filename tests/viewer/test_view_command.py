@@ -8,6 +8,7 @@ import socket
 import subprocess
 import sys
 import urllib.request
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -20,6 +21,15 @@ from intersection_env.viewer.command import places_of
 from tests.support.own_place import own_scenes
 
 
+@pytest.fixture
+def interruptible() -> Iterator[None]:
+    """Commands started within it take Ctrl-C, also where this process was told to ignore it."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
+@pytest.mark.usefixtures("interruptible")
 def test_it_serves_until_it_is_interrupted_and_then_ends_cleanly() -> None:
     command = [sys.executable, "-m", "intersection_env", "view", "roundabout", "--no-open"]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:

@@ -476,7 +476,11 @@ def test_job_that_ended_early_says_why_and_goes_on_from_there(
 
 
 @pytest.mark.parametrize(
-    ("is_own", "said"), [(False, "No module named 'sumo'"), (True, "there is a network for Bendplatz only")]
+    ("is_own", "said"),
+    [
+        (False, "sumo is not installed: pip install -e '.[sumo]'"),
+        (True, "there is a network for Bendplatz only"),
+    ],
 )
 def test_sumo_that_is_missing_ends_nothing(
     is_own: bool, said: str, options: Options, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
@@ -485,10 +489,7 @@ def test_sumo_that_is_missing_ends_nothing(
     if is_own:
         own_recordings(options.recordings, Path(map), "20")
 
-    def missing(_: object) -> None:
-        raise ModuleNotFoundError("No module named 'sumo'")
-
-    monkeypatch.setattr(measurements, "sumo_predictions", missing)
+    monkeypatch.setattr(measurements, "find_spec", lambda _: None)
     assert Measurements(Workspace(replace(options, map=(map if is_own else "bendplatz",))))._sumo([]) == (
         [],
         {"sumo": said},
