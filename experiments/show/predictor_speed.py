@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from textwrap import wrap
 from typing import Any
 
 from experiments.show.tables import markdown_table
 
+WIDTH = 120  # of a line of prose
 SPEED_ROWS = (
     ("1 scenario", "single_us", "networks", None),
     ("64", "batch_us", "networks", "64"),
@@ -51,7 +53,7 @@ def speed_section(bench: Mapping[str, Any]) -> str:
 
 
 def forecast_sentences(found: Mapping[str, Any] | None) -> list[str]:
-    """What a forecast takes beside the ranking of all orders; nothing where it was not timed."""
+    """What a forecast takes beside the ranking of all orders, in lines; nothing where it was not timed."""
     if found is None:
         return []
     said = []
@@ -63,10 +65,11 @@ def forecast_sentences(found: Mapping[str, Any] | None) -> list[str]:
             else f"{call} {row['forecast_ms']['median']:.2f} ms, {row['to_ranking']:.3f} of what ranking them all takes"
             f" in turns, p99 {row['p99_to_median']:.2f} times the median"
         )
-    return [
+    return wrap(
         f"The probabilities of {found['orders']:,} orders, and the trajectories of the {found['predicted']} most"
-        f" probable: {'; '.join(said)}."
-    ]
+        f" probable: {'; '.join(said)}.",
+        WIDTH,
+    )
 
 
 def speed_table(bench: Mapping[str, Any]) -> str:

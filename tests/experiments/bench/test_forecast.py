@@ -38,7 +38,7 @@ def test_part_alone_is_timed_and_shown(tmp_path: Path, monkeypatch: pytest.Monke
     assert abs(found["orders"] - 2000) <= 100
     assert found["python"]["calls"] == 2
     assert 0.0 < found["python"]["to_ranking"] < 1.0
-    (said,) = forecast_sentences(found)
+    said = " ".join(forecast_sentences(found))
     assert f"The probabilities of {found['orders']:,} orders, and the trajectories of the 64 most probable" in said
     assert said.endswith("`Planner::forecast`: cmake or ninja is not installed.")
     assert forecast_sentences(None) == []
