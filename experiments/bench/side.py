@@ -14,6 +14,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable
+from functools import partial
 from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
@@ -26,7 +27,6 @@ from intersection_env import (
     Intersection,
     Predictor,
     ReplayWorlds,
-    Scenes,
     Traffic,
     Vehicle,
     _core,
@@ -45,6 +45,7 @@ WARM_UP = 150  # steps of worlds, until they have forgotten how they started
 ACCELERATION = 6.0  # [m/s²] at an action of 1
 DRIVERS = ("networks", "assigned", "idm")  # assigned: networks that are told every pair's order
 MEMORY = "memory"  # rows that begin so are asked once
+CLOSED_LOOP, RECORDING = "closed loop", "recording"  # which worlds; other replays ask the gap network
 SAME_WORLDS, SAME_ROLLOUTS = 100, 10
 TRAJECTORIES = 7  # arrays: positions, speeds, accelerations, who enters, who is present, time losses, distances
 SAME = "same trajectories"  # likewise; they answer with a hash
@@ -61,7 +62,7 @@ def answer(given: Given, row: str) -> Callable[[], Any]:
     known: dict[str, Callable[..., Callable[[], Any]]] = {
         "predict": _predict,
         "rank": _rank,
-        "closed loop": _closed_loop,
+        CLOSED_LOOP: _closed_loop,
         "replay": _replay,
         MEMORY: _memory,
         SAME: _same,
@@ -94,29 +95,34 @@ def _rank(given: Given, orders: str) -> Callable[[], Any]:
 
 def _closed_loop(given: Given, worlds: str, isa: str, threads: str = "1") -> Callable[[], Any]:
     """A step of a vehicle in a rollout: gap, policy and value networks and sampling inside."""
-    with tempfile.TemporaryDirectory() as folder:
-        made = ClosedLoopWorlds(
-            worlds=int(worlds), vehicles=VEHICLES, gap=_gap_policy(given, folder), threads=int(threads), isa=isa
-        )
-    return _rollout(given, made)
+    return _rollout(given, _worlds(given, CLOSED_LOOP, int(worlds), isa, int(threads)))
 
 
 def _replay(given: Given, worlds: str, isa: str, threads: str = "1", gap: str = "network") -> Callable[[], Any]:
     """A step of a replay: in a rollout with networks inside; or, with recorded gaps, as the recorded vehicle drove."""
-    count = int(worlds)
-    with tempfile.TemporaryDirectory() as folder:
-        decider = gap if gap == "recording" else _gap_policy(given, folder)
-        made = ReplayWorlds(worlds=count, gap=decider, threads=int(threads), isa=isa)
-    if gap != "recording":
+    made = _worlds(given, gap, int(worlds), isa, int(threads))
+    if gap != RECORDING:
         return _rollout(given, made)
     made.reset(0, desynchronise=True)
 
     def steps() -> None:
+        """Some, by the recorded vehicles' actions."""
         for _ in range(ROLLOUT_STEPS):
             np.clip(made.expert_acceleration / ACCELERATION, -1.0, 1.0, out=made.action)
             made.step()
 
-    return _seconds(steps, ROLLOUT_STEPS * count)
+    return _seconds(steps, ROLLOUT_STEPS * len(made.action))
+
+
+def _worlds(
+    given: Given, of: str, count: int, isa: str | None = None, threads: int = 1, split: str | None = "train"
+) -> Any:
+    """Worlds in a closed loop, or replays; gaps are decided by the network that is given, or as they were recorded."""
+    with tempfile.TemporaryDirectory() as folder:
+        gap = RECORDING if of == RECORDING else _gap_policy(given, folder)
+        if of == CLOSED_LOOP:
+            return ClosedLoopWorlds(worlds=count, vehicles=VEHICLES, gap=gap, threads=threads, isa=isa)
+        return ReplayWorlds(split=split, worlds=count, gap=gap, threads=threads, isa=isa)
 
 
 def _rollout(given: Given, worlds: ClosedLoopWorlds | ReplayWorlds) -> Callable[[], Any]:
@@ -124,6 +130,7 @@ def _rollout(given: Given, worlds: ClosedLoopWorlds | ReplayWorlds) -> Callable[
     worlds.reset(0, desynchronise=True)
 
     def run() -> None:
+        """One rollout."""
         worlds.core.rollout(given["policy"], given["value"], SIGMA, ROLLOUT_STEPS, *arrays)
 
     for _ in range(0, WARM_UP, ROLLOUT_STEPS):
@@ -143,13 +150,9 @@ def _memory(given: Given, of: str) -> Callable[[], Any]:
     """Resident bytes more than before, once worlds have stepped."""
 
     def used() -> int:
+        """By making them, and a step."""
         before = _resident()
-        with tempfile.TemporaryDirectory() as folder:
-            gap = _gap_policy(given, folder)
-            if of == "closed loop":
-                made: Any = ClosedLoopWorlds(worlds=4096, vehicles=VEHICLES, gap=gap)
-            else:
-                made = ReplayWorlds(Scenes.load("bendplatz"), split=None, worlds=1024, gap=gap)
+        made = _worlds(given, of, 4096 if of == CLOSED_LOOP else 1024, split=None)
         made.reset(0)
         made.step()
         return _resident() - before
@@ -159,39 +162,33 @@ def _memory(given: Given, of: str) -> Callable[[], Any]:
 
 def _same(given: Given, isa: str, of: str = "predictions") -> Callable[[], Any]:
     """A hash of many traffics' trajectories; or of what worlds gave in a rollout."""
-    if of != "predictions":
-        with tempfile.TemporaryDirectory() as folder:
-            gap, count = _gap_policy(given, folder), SAME_WORLDS
-            if of == "closed loop":
-                made: Any = ClosedLoopWorlds(worlds=count, vehicles=VEHICLES, gap=gap, isa=isa)
-            else:
-                made = ReplayWorlds(worlds=count, gap="recording" if of == "recording" else gap, isa=isa)
-        arrays = _arrays(made)
-        made.reset(0, desynchronise=True)
+    if of == "predictions":
+        return partial(_hash_of_predictions, given, isa)
+    return partial(_hash_of_rollouts, given, _worlds(given, of, SAME_WORLDS, isa))
 
-        def rolled_out() -> str:
-            for _ in range(SAME_ROLLOUTS):
-                made.core.rollout(given["policy"], given["value"], SIGMA, ROLLOUT_STEPS, *arrays)
-            return hashlib.sha256(b"".join(one.tobytes() for one in arrays)).hexdigest()
 
-        return rolled_out
+def _hash_of_rollouts(given: Given, worlds: ClosedLoopWorlds | ReplayWorlds) -> str:
+    arrays = _arrays(worlds)
+    worlds.reset(0, desynchronise=True)
+    for _ in range(SAME_ROLLOUTS):
+        worlds.core.rollout(given["policy"], given["value"], SIGMA, ROLLOUT_STEPS, *arrays)
+    return hashlib.sha256(b"".join(one.tobytes() for one in arrays)).hexdigest()
 
-    def hashed() -> str:
-        found = hashlib.sha256()
-        policy = _core.Policy(_policy(given).text(), "networks")
-        for vehicles in given["random"]:
-            try:
-                scene = _traffic(vehicles)
-            except ValueError as error:  # a revision may refuse it
-                found.update(str(error).encode())
-                continue
-            predictor = _core.Predictor(scene.intersection.core, policy)
-            assignments = np.zeros((1, len(scene.conflicts)), np.int8)
-            arrays = predictor.predict(scene.core, assignments, True, True, None, isa)[:TRAJECTORIES]
-            found.update(b"".join(np.asarray(one).tobytes() for one in arrays))
-        return found.hexdigest()
 
-    return hashed
+def _hash_of_predictions(given: Given, isa: str) -> str:
+    found = hashlib.sha256()
+    policy = _core.Policy(_policy(given).text(), "networks")
+    for vehicles in given["random"]:
+        try:
+            scene = _traffic(vehicles)
+        except ValueError as error:  # a revision may refuse it
+            found.update(str(error).encode())
+            continue
+        predictor = _core.Predictor(scene.intersection.core, policy)
+        assignments = np.zeros((1, len(scene.conflicts)), np.int8)
+        arrays = predictor.predict(scene.core, assignments, True, True, None, isa)[:TRAJECTORIES]
+        found.update(b"".join(np.asarray(one).tobytes() for one in arrays))
+    return found.hexdigest()
 
 
 def _seconds(work: Work, units: int) -> Callable[[], float]:
@@ -199,6 +196,7 @@ def _seconds(work: Work, units: int) -> Callable[[], float]:
     work()
 
     def timing() -> float:
+        """One, of as many calls as it takes."""
         times: list[float] = []
         while sum(times) < SECONDS:
             begin = time.perf_counter()
