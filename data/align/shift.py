@@ -109,8 +109,9 @@ def _moved(lane: Lane, shift: LaneShift) -> Lane:
     points = np.stack([np.interp(place, way, lane.points[:, axis]) for axis in (0, 1)], axis=1)
     left = np.interp(place, shift.station, shift.left) if varies else np.full(len(place), np.median(shift.left))
     points = points + left[:, None] * _normals(points)
-    kept = _telling(points, np.interp(place, way, lane.width))
-    return Lane(points[kept], np.interp(place, way, lane.width)[kept])
+    width = np.interp(place, way, lane.width)
+    kept = _telling(points, width)
+    return Lane(np.round(points[kept], 2) + 0.0, np.round(width[kept], 2))  # as a file holds them
 
 
 def _normals(points: Points) -> Points:
