@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from data.align.drives import Drive, find_drives
-from data.align.shift import LaneShift, lane_shifts, shifted
+from data.align.shift import LaneShift, following, lane_shifts, shifted
 from data.recording import Recording
 from intersection_env.maps.compiler import Recompiler, compile_map
 from intersection_env.maps.intersection import Intersection
@@ -69,7 +69,8 @@ def compiled(source: MapSource) -> Intersection:
 def _moved_as_far_as_possible(
     source: MapSource, intersection: Intersection, shifts: dict[str, LaneShift], recompiler: Recompiler
 ) -> tuple[MapSource, Intersection, dict[str, LaneShift], list[str]]:
-    """All lanes moved, or one after the other, the most driven first, each as far as the map still compiles."""
+    """All lanes moved, or one after the other, the most driven first, each as far as the map still compiles; those that
+    follow each other together."""
     moved = shifted(source, shifts)
     try:
         return moved, Intersection(recompiler.compile(moved), moved.name), shifts, []
@@ -77,11 +78,12 @@ def _moved_as_far_as_possible(
         pass
     applied: dict[str, LaneShift] = {}
     words: list[str] = []
-    for name, shift in sorted(shifts.items(), key=lambda item: -item[1].cars):
+    for names in _chains(source, shifts):
         why = ""
         for share in SHARES:
-            applied[name] = shift.times(share)
-            tried = shifted(source, {name: applied[name]})
+            part = {name: shifts[name].times(share) for name in names}
+            applied |= part
+            tried = shifted(source, part)
             try:
                 intersection, source = Intersection(recompiler.compile(tried), tried.name), tried
             except ValueError as error:
@@ -89,5 +91,17 @@ def _moved_as_far_as_possible(
                 continue
             break
         if why:
-            words.append(f'lane "{name}" moves by {100 * share:g} % of its shift only, else {why}')
+            one = f'lane "{names[0]}" moves' if len(names) == 1 else f'lanes "{", ".join(names)}" move'
+            words.append(f"{one} by {100 * share:g} % of the shift only, else {why}")
     return source, intersection, applied, words
+
+
+def _chains(source: MapSource, shifts: Mapping[str, LaneShift]) -> list[list[str]]:
+    """The lanes that move, those that follow each other together, the most driven first."""
+    chain = {name: [name] for name in shifts}
+    for one, other in following(source):
+        if one in chain and other in chain and chain[one] is not chain[other]:
+            joined = chain[one] + chain[other]
+            chain |= dict.fromkeys(joined, joined)
+    every = {id(names): sorted(names, key=lambda name: -shifts[name].cars) for names in chain.values()}
+    return sorted(every.values(), key=lambda names: -shifts[names[0]].cars)

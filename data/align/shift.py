@@ -5,18 +5,24 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
 from data.align.drives import Drive
+from data.maps.bend import least_bent, on_grid
+from data.maps.smooth import telling
 from intersection_env.maps.curve import Points, along
 from intersection_env.maps.intersection import Intersection
 from intersection_env.maps.source import Lane, MapSource
 
 STATION = 5.0  # [m], ours: between the places along a lane at which its shift is estimated
 SMOOTH = 10.0  # [m], ours: over about this length a shift may change, and beyond the tracks it stays what it was
+TOUCH = 0.1  # [m], ours: lanes that end nearer to where others begin are joined
+JOINED = 1e6  # ours: weight of what the next lane does at a joint, beside 1 of where the cars drive
 MOST_SHIFT = 4.0  # [m], ours: more than a lane is a mistake in the map, or tracks of another place
+EASED = 0.3  # [m], ours: a way inside is straightened by so much: where cars drive is known no better, their curve is
 CONSTANT = 0.1  # [m], ours: a shift that varies by less along its lane is taken as one for all of it
 EXACT = 0.02  # [m], ours: points of a lane that deviate less are left out
 
@@ -43,7 +49,8 @@ def lane_shifts(
     """The shifts of the lanes, and of the ways drawn inside the junction, on which at least so many cars drove.
 
     At each station it is the median over the cars of how far left they drive there, smoothed along the lane;
-    where no car was seen it is what it is at the nearest place where some were.
+    where no car was seen it is what it is at the nearest place where some were. Lanes that follow each other stay
+    joined: where they meet, the one that fewer cars drove on moves as far as the other.
     """
     seen: dict[str, list[tuple[NDArray[np.float64], NDArray[np.float64]]]] = defaultdict(list)
     lengths: dict[str, float] = {}
@@ -60,7 +67,28 @@ def lane_shifts(
                 seen[name].append((drive.position[on_lane] - begin, drive.left[on_lane]))
                 lengths[name] = length
             begin += length
-    return {name: _smoothed(lengths[name], cars) for name, cars in seen.items() if len(cars) >= least_cars}
+    joints = following(source)
+    moved = sorted((name for name, cars in seen.items() if len(cars) >= least_cars), key=lambda one: -len(seen[one]))
+    found: dict[str, LaneShift] = {}
+    for name in moved:
+        before = [_end(found, one, -1) for one, other in joints if other == name and (one in found or one not in moved)]
+        behind = [
+            _end(found, other, 0) for one, other in joints if one == name and (other in found or other not in moved)
+        ]
+        found[name] = _smoothed(lengths[name], seen[name], before, behind)
+    return found
+
+
+def following(source: MapSource) -> list[tuple[str, str]]:
+    """Lanes of which the second begins where the first ends; others are joined by a curve, which follows them."""
+    chains = [chain for route in source.routes for chain in (route.approach, route.leaving)]
+    pairs = {pair for chain in chains for pair in pairwise(chain)}
+    ends = {(a, b): source.lanes[a].points[-1] - source.lanes[b].points[0] for a, b in pairs}
+    return sorted(pair for pair, away in ends.items() if np.linalg.norm(away) < TOUCH)
+
+
+def _end(found: Mapping[str, LaneShift], name: str, place: int) -> float:
+    return float(found[name].left[place]) if name in found else 0.0
 
 
 def inside_of(route_id: str) -> str:
@@ -76,12 +104,22 @@ def shifted(source: MapSource, shifts: Mapping[str, LaneShift]) -> MapSource:
     for route in source.routes:
         shift = shifts.get(inside_of(route.id))
         if shift is not None and route.inside is not None:
-            route = replace(route, inside=_moved(Lane(route.inside, np.ones(len(route.inside))), shift).points)
+            moved = _moved(Lane(route.inside, np.ones(len(route.inside))), shift).points
+            (points,) = on_grid(moved)
+            route = replace(
+                route, inside=telling(least_bent(points, np.full(len(points), EASED)), np.ones(len(points)))[0]
+            )
         routes.append(route)
     return replace(source, lanes=lanes, routes=tuple(routes) if drawn else source.routes)
 
 
-def _smoothed(length: float, cars: Sequence[tuple[NDArray[np.float64], NDArray[np.float64]]]) -> LaneShift:
+def _smoothed(
+    length: float,
+    cars: Sequence[tuple[NDArray[np.float64], NDArray[np.float64]]],
+    before: Sequence[float],
+    behind: Sequence[float],
+) -> LaneShift:
+    """The shift by what its cars say (position, left), and by what lanes before and behind it move there."""
     station = np.linspace(0.0, length, max(2, round(length / STATION) + 1))
     width = station[1] - station[0]
     each = np.full((len(cars), len(station)), np.nan)
@@ -96,6 +134,9 @@ def _smoothed(length: float, cars: Sequence[tuple[NDArray[np.float64], NDArray[n
     # Least squares of (left - median), as many times as cars were seen, and of SMOOTH times its slope.
     slope = np.diff(np.eye(len(station)), axis=0) / width
     weight = count / count.max()
+    for place, others in ((0, before), (-1, behind)):
+        if others:
+            weight[place], median[place] = JOINED, np.mean(others)
     matrix = np.diag(weight) + SMOOTH**2 * slope.T @ slope
     return LaneShift(len(cars), station, np.clip(np.linalg.solve(matrix, weight * median), -MOST_SHIFT, MOST_SHIFT))
 

@@ -8,10 +8,10 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
+from data.maps.bend import GRID, on_grid
 from data.maps.lanelets import LaneMap
 from intersection_env.maps.curve import Points, along
 
-GRID = 0.5  # [m], ours: between the points that are smoothed
 SPREAD = 1.5  # [m], ours: standard deviation of the smoothing; bounds are drawn with kinks
 EXACT = 0.03  # [m], ours: points of a line that deviate less are left out
 
@@ -22,11 +22,8 @@ def polyline(lane_map: LaneMap, ids: Sequence[str]) -> tuple[Points, NDArray[np.
     points = np.concatenate([part[0] for part in parts])
     width = np.concatenate([part[1] for part in parts])
     kept = np.r_[True, np.linalg.norm(np.diff(points, axis=0), axis=1) > 1e-3]
-    points, width = points[kept], width[kept]
-    way = along(points)
-    grid = np.linspace(0.0, way[-1], max(2, round(way[-1] / GRID) + 1))
-    columns = np.column_stack([np.interp(grid, way, column) for column in (*points.T, width)])
-    return _smoothed(columns[:, :2]), columns[:, 2]
+    points, width = on_grid(points[kept], width[kept])
+    return _smoothed(points), width
 
 
 def telling(points: Points, width: NDArray[np.float64]) -> tuple[Points, NDArray[np.float64]]:

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from data.maps.arms import ArmLanes, find_arms
+from data.maps.bend import least_bent, room_of
 from data.maps.junction import Circle, chosen, cut_at_junction, junctions, meetings
 from data.maps.lanelets import LaneMap
 from data.maps.paths import Way, find_paths
@@ -214,7 +215,8 @@ def _lanes(
         arm, parts_of = (entry[way.approach[-1]], leave[way.leaving[0]]), cut[id] or way
         approach, leaving = named(parts_of.approach, arm[0], "in"), named(parts_of.leaving, arm[1], "out")
         if cut[id] is None:
-            inside = telling(*polyline(lane_map, way.inside))[0]
+            points, width = polyline(lane_map, way.inside)
+            inside = telling(least_bent(points, room_of(width)), width)[0]
             routes.append(RouteSource(id, *arm, approach, leaving, inside))
         else:
             interior = named(parts_of.inside, "ring", "lane")

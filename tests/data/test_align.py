@@ -13,7 +13,7 @@ import pytest
 from data.align.__main__ import main
 from data.align.align import align, compiled
 from data.align.drives import Drive, find_drives
-from data.align.shift import LaneShift, lane_shifts, shifted
+from data.align.shift import LaneShift, following, lane_shifts, shifted
 from data.align.source_file import write_source
 from data.formats.ind import read_recording
 from data.recording import Recording
@@ -124,6 +124,48 @@ def test_shift_is_constant_beyond_the_tracks_and_smooth_between() -> None:
     assert np.diff(found.left).max() < 0.4
 
 
+def halved(source: MapSource) -> MapSource:
+    """The source with W_in as two lanes, "W_far" and "W_in", that touch."""
+    lane = source.lanes["W_in"]
+    middle, width = lane.points.mean(axis=0, keepdims=True), lane.width[:1]
+    halves = {
+        "W_far": Lane(np.concatenate([lane.points[:1], middle]), np.repeat(width, 2)),
+        "W_in": Lane(np.concatenate([middle, lane.points[-1:]]), np.repeat(width, 2)),
+    }
+    routes = [
+        replace(route, approach=("W_far", *route.approach)) if route.approach == ("W_in",) else route
+        for route in source.routes
+    ]
+    return replace(source, lanes=source.lanes | halves, routes=tuple(routes))
+
+
+def test_lanes_that_follow_each_other_stay_joined() -> None:
+    """A jump between them would be a kink, before which every driver model brakes."""
+    source = halved(MapSource.read(TRUE))
+    intersection = compiled(source)
+    assert following(source) == [("W_far", "W_in")]
+    far = along(source.lanes["W_far"].points)[-1]
+    seen = np.arange(2.0, far + 60.0)
+    left = np.where(seen < far, 1.0, 0.0)
+    drives = [Drive(intersection.route_index("W-E"), seen, left, np.zeros((len(seen), 2)))] * 5
+    shifts = lane_shifts(source, intersection, drives, 5)
+    assert shifts["W_far"].left[0] == pytest.approx(1.0, abs=0.1)
+    assert shifts["W_in"].left[-1] == pytest.approx(0.0, abs=0.1)
+    lanes = shifted(source, shifts).lanes
+    assert lanes["W_far"].points[-1] == pytest.approx(lanes["W_in"].points[0], abs=0.02)
+
+
+def test_they_move_equally_far_where_the_map_allows_no_more(tmp_path: Path) -> None:
+    """Cars on W_far alone drive so far left that it would lie on W_out: both halves move by the same part."""
+    source = halved(MapSource.read(TRUE))
+    intersection = compiled(source)
+    traffic(tmp_path, intersection, aside=1.9, routes=["W-E"])
+    alignment = align(source, intersection, [read_recording(tmp_path, "07")])
+    assert any('lanes "W_far, W_in" move' in word or 'lanes "W_in, W_far" move' in word for word in alignment.limited)
+    lanes = alignment.source.lanes
+    assert lanes["W_far"].points[-1] == pytest.approx(lanes["W_in"].points[0], abs=0.03)
+
+
 def test_one_car_off_the_way_does_not_move_a_lane() -> None:
     source = MapSource.read(TRUE)
     intersection = Intersection.load("t_junction")
@@ -148,7 +190,7 @@ def test_shift_that_does_not_compile_is_limited_and_said(tmp_path: Path, true_ma
     traffic(tmp_path, true_map, aside=1.6, routes=["E-W"])
     alignment = align(MapSource.read(TRUE), true_map, [read_recording(tmp_path, "07")])
     assert alignment.limited
-    assert all("of its shift only, else" in word for word in alignment.limited)
+    assert all("of the shift only, else" in word for word in alignment.limited)
     assert compiled(alignment.source).checksum == alignment.after.checksum
 
 
