@@ -93,7 +93,7 @@ def source_of(lane_map: LaneMap, name: str, around: Circle | None, locations: Se
     dropped: Counter[str] = Counter()
     ways = find_paths(lane_map, circle, inside, dropped)
     arms = find_arms(lane_map, circle, ways)
-    named = _named(arms, ways, dropped)
+    named = _named(arms, ways)
     counts.update({f"way: {why}": count for why, count in dropped.items() if count})
     guessed = _loose_joints(lane_map, named)
     ring = ring_of(lane_map, inside)
@@ -147,16 +147,13 @@ def _loose_joints(lane_map: LaneMap, ways: Mapping[str, Way]) -> list[str]:
     ]
 
 
-def _named(arms: Sequence[ArmLanes], ways: Sequence[Way], dropped: Counter[str]) -> dict[str, Way]:
-    """The ways by route id: "W-E", and "W-E.2" for the next one to the left; U-turns are left out."""
+def _named(arms: Sequence[ArmLanes], ways: Sequence[Way]) -> dict[str, Way]:
+    """The ways by route id: "W-E", "W-E.2" for the next one to the left, and "W-W" for one that turns back."""
     entry = {id: (arm.name, place) for arm in arms for place, id in enumerate(arm.approaches)}
     leave = {id: (arm.name, place) for arm in arms for place, id in enumerate(arm.exits)}
     found: dict[str, Way] = {}
     for way in sorted(ways, key=lambda one: (entry[one.approach[-1]], leave[one.leaving[0]])):
         a, b = entry[way.approach[-1]][0], leave[way.leaving[0]][0]
-        if a == b:
-            dropped["turns back into its own arm"] += 1
-            continue
         same = sum(id == f"{a}-{b}" or id.startswith(f"{a}-{b}.") for id in found)
         found[f"{a}-{b}.{same + 1}" if same else f"{a}-{b}"] = way
     return found

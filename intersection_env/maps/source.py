@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from intersection_env.maps.curve import Points, along, connect, wrap
+from intersection_env.maps.name import check_name
 
 FORMAT = "intersection_env map source"
 VERSION = 2
@@ -333,17 +334,6 @@ def _check_directions(route: RouteSource, lanes: dict[str, Lane]) -> None:
                     f'route "{route.id}": {name} is drawn backwards, or {one} and {other} do not follow each other:'
                     f" {gap:.1f} m lie between them, and {np.linalg.norm(turned):.1f} m if it were turned"
                 )
-
-
-def check_name(value: Any) -> str:
-    """A map's name.
-
-    Raises:
-        ValueError: it is not one word.
-    """
-    if not isinstance(value, str) or not _is_word(value):
-        raise ValueError(f'"name" must be one word, not {value!r}')
-    return value
 
 
 def check_locations(value: Any) -> tuple[int, ...]:

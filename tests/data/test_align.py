@@ -192,6 +192,15 @@ def test_bad_arguments_are_named(
     assert not (tmp_path / out).exists()
 
 
+def test_a_name_that_cannot_name_a_file_is_refused_before_anything_is_read(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "out.json"
+    assert main(["t_junction", str(tmp_path / "nowhere"), "--out", str(out), "--name", "a/b"]) == 1
+    assert "as it names files, not 'a/b'" in capsys.readouterr().err
+    assert not out.exists()
+
+
 def test_recordings_without_a_car_on_the_map_are_refused(tmp_path: Path, true_map: Intersection) -> None:
     bicycle = on_route(true_map, "W-E", 1, 0.0, steady(50.0, 5.0), 10.0, "bicycle")
     write_recording(tmp_path, "07", [bicycle], location=LOCATION)
