@@ -19,6 +19,7 @@ SMOOTH = 10.0  # [m], ours: over about this length a shift may change, and beyon
 MOST_SHIFT = 4.0  # [m], ours: more than a lane is a mistake in the map, or tracks of another place
 CONSTANT = 0.1  # [m], ours: a shift that varies by less along its lane is taken as one for all of it
 EXACT = 0.02  # [m], ours: points of a lane that deviate less are left out
+DECIMALS = 2  # ours: centimetres
 
 
 @dataclass(frozen=True)
@@ -69,7 +70,8 @@ def inside_of(route_id: str) -> str:
 
 
 def shifted(source: MapSource, shifts: Mapping[str, LaneShift]) -> MapSource:
-    """The source with these lanes moved to the left, points added where a shift varies."""
+    """The source with these lanes moved to the left, points added where a shift varies; to the centimetre, as the file
+    will hold them, so that what compiles now compiles then."""
     lanes = {name: _moved(lane, shifts[name]) if name in shifts else lane for name, lane in source.lanes.items()}
     routes = []
     drawn = any(inside_of(route.id) in shifts for route in source.routes)
@@ -109,8 +111,9 @@ def _moved(lane: Lane, shift: LaneShift) -> Lane:
     points = np.stack([np.interp(place, way, lane.points[:, axis]) for axis in (0, 1)], axis=1)
     left = np.interp(place, shift.station, shift.left) if varies else np.full(len(place), np.median(shift.left))
     points = points + left[:, None] * _normals(points)
-    kept = _telling(points, np.interp(place, way, lane.width))
-    return Lane(points[kept], np.interp(place, way, lane.width)[kept])
+    width = np.interp(place, way, lane.width)
+    kept = _telling(points, width)
+    return Lane(np.round(points[kept], DECIMALS) + 0.0, np.round(width[kept], DECIMALS))
 
 
 def _normals(points: Points) -> Points:

@@ -22,8 +22,9 @@ from data.maps.source_of import Imported, source_of
 from data.maps.source_text import source_text
 from intersection_env.command import run_command
 from intersection_env.files import check_writable, written_whole
+from intersection_env.maps.compiler import compile_file
 from intersection_env.maps.name import check_name
-from intersection_env.maps.source import LARGEST, MapSource, check_locations
+from intersection_env.maps.source import LARGEST, check_locations
 
 ENOUGH = 0.6  # ours: where so many cars drive on lanes already, the map lies where it should
 READ = 3  # ours: so many recordings show where a map lies
@@ -74,9 +75,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _check_written(written: Path, out: Path) -> None:
-    """Reads the source back as everybody will; errors name the file that was asked for."""
+    """Reads and compiles the source as everybody will; errors name the file that was asked for."""
     try:
-        MapSource.read(written)
+        compile_file(written)
     except ValueError as error:
         raise ValueError(str(error).replace(str(written), str(out))) from None
 

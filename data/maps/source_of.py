@@ -9,6 +9,7 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from data.maps.arms import ArmLanes, find_arms
 from data.maps.junction import Circle, chosen, cut_at_junction, junctions, meetings
@@ -47,7 +48,7 @@ class Imported:
         for one in source.routes:
             routes[one.id] = {"approach": list(one.approach), "exit": list(one.leaving)}
             if one.inside is not None:
-                routes[one.id]["inside"] = rounded(one.inside)
+                routes[one.id]["inside"] = one.inside.tolist()
             if one.interior:
                 routes[one.id]["inside"] = list(one.interior)
         return {
@@ -61,20 +62,14 @@ class Imported:
                 for name, arm in source.arms.items()
             },
             "lanes": {
-                name: {"width": np.round(lane.width, 2).tolist(), "points": rounded(lane.points)}
+                name: {"width": lane.width.tolist(), "points": lane.points.tolist()}
                 for name, lane in source.lanes.items()
             },
-            "stop_lines": {name: rounded(line) for name, line in source.stop_lines.items()},
+            "stop_lines": {name: line.tolist() for name, line in source.stop_lines.items()},
             "routes": routes,
             "yields": [list(pair) for pair in sorted(source.yields)],
             "free": sorted(sorted(pair) for pair in source.free),
         }
-
-
-def rounded(points: Any) -> list[list[float]]:
-    """Points to the centimetre."""
-    rows: list[list[float]] = (np.round(points, 2) + 0.0).tolist()
-    return rows
 
 
 def source_of(lane_map: LaneMap, name: str, around: Circle | None, locations: Sequence[int] = ()) -> Imported:
@@ -104,7 +99,7 @@ def source_of(lane_map: LaneMap, name: str, around: Circle | None, locations: Se
     by_name = {arm.name: Arm(rights[arm.name], limits[arm.name]) for arm in arms if arm.name in used}
     source = MapSource(name, tuple(locations), by_name, lanes, {}, tuple(routes), frozenset())
     source = with_room(source, guessed)
-    source = with_stop_lines(source, lane_map, named, guessed)
+    source = _to_centimetres(with_stop_lines(source, lane_map, named, guessed))
     source = _decided(source, lane_map, named, guessed)
     guessed += [
         f'lane "{one}": only {length_of(source.lanes[one]):.0f} m before the junction: too short for who queues there'
@@ -231,6 +226,18 @@ def _parts(chain: tuple[str, ...], chains: set[tuple[str, ...]]) -> tuple[tuple[
             parts.append([id])
         before = users
     return tuple(map(tuple, parts))
+
+
+def _to_centimetres(source: MapSource) -> MapSource:
+    """The source as its file holds it: what is decided and compiled now is so when it is read, too."""
+    lanes = {name: Lane(_rounded(lane.points), _rounded(lane.width)) for name, lane in source.lanes.items()}
+    lines = {name: _rounded(line) for name, line in source.stop_lines.items()}
+    routes = [one if one.inside is None else replace(one, inside=_rounded(one.inside)) for one in source.routes]
+    return replace(source, lanes=lanes, stop_lines=lines, routes=tuple(routes))
+
+
+def _rounded(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    return np.asarray(np.round(values, 2) + 0.0)  # adding 0 leaves no -0.0
 
 
 def _decided(source: MapSource, lane_map: LaneMap, ways: Mapping[str, Way], guessed: list[str]) -> MapSource:

@@ -27,7 +27,7 @@ KINDS = {
 }
 MODELS = (
     "`constant_velocity`; the IDM with critical gaps (`idm_critical_gap`), with SUMO's rule (`idm_sumo`) and with the "
-    "gap network (`gap`); the calibrated IDM (`idm_calibrated`) the drivers learned by PPO and by GAIL, with the gap "
+    "gap network (`gap`); the calibrated IDM (`idm_calibrated`); the drivers learned by PPO and by GAIL, with the gap "
     "network (`ppo`, `gail`); and the rollout gradient's, with a gap network of its own (`rollout_gradient`)"
 )
 

@@ -175,6 +175,20 @@ def test_command_writes_map_picture_and_table(
     assert compiled(MapSource.read(out)).locations == (LOCATION,)
 
 
+def test_the_file_written_is_the_map_that_was_found_to_compile(tmp_path: Path, true_map: Intersection) -> None:
+    """To the last digit: rounded afterwards, a map that just compiles may not."""
+    traffic(tmp_path / "in", true_map, aside=0.3)
+    content = json.loads(TRUE.read_text())
+    content["lanes"]["S_in"]["points"][0][0] += 0.00123  # of a lane that stays, finer than what is written of others
+    fine = tmp_path / "fine.json"
+    fine.write_text(json.dumps(content))
+    source = MapSource.read(fine)
+    alignment = align(source, compiled(source), [read_recording(tmp_path / "in", "07")], least_cars=CARS + 1)
+    assert "S_in" not in alignment.shifts[0]
+    write_source(fine, alignment.source, tmp_path / "out.json", source.name, "")
+    assert Intersection.load(tmp_path / "out.json").checksum == alignment.after.checksum
+
+
 @pytest.mark.parametrize(
     ("map", "out", "words"),
     [
