@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from data.align.drives import Drive
 from intersection_env.maps.curve import Points, along
 from intersection_env.maps.intersection import Intersection
-from intersection_env.maps.source import Lane, MapSource
+from intersection_env.maps.source import MapSource
+from intersection_env.maps.source_entries import Lane
 
 STATION = 5.0  # [m], ours: between the places along a lane at which its shift is estimated
 SMOOTH = 10.0  # [m], ours: over about this length a shift may change, and beyond the tracks it stays what it was

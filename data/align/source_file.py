@@ -10,7 +10,8 @@ import numpy as np
 
 from data.maps.source_text import source_text
 from intersection_env.files import written_whole
-from intersection_env.maps.source import Lane, MapSource
+from intersection_env.maps.source import MapSource
+from intersection_env.maps.source_entries import Lane
 
 
 def write_source(original: Path, source: MapSource, path: Path, name: str, about: str) -> None:

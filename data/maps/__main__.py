@@ -24,7 +24,7 @@ from intersection_env.command import run_command
 from intersection_env.files import check_writable, written_whole
 from intersection_env.maps.compiler import compile_file
 from intersection_env.maps.name import check_name
-from intersection_env.maps.source import LARGEST, check_locations
+from intersection_env.maps.source_values import LARGEST, check_locations
 
 ENOUGH = 0.6  # ours: where so many cars drive on lanes already, the map lies where it should
 READ = 3  # ours: so many recordings show where a map lies

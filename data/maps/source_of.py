@@ -22,7 +22,8 @@ from data.maps.smooth import polyline, telling
 from data.maps.stop_lines import with_stop_lines
 from intersection_env.maps.compiler import compile_map, encounters
 from intersection_env.maps.conflicts import Encounter
-from intersection_env.maps.source import FORMAT, VERSION, Arm, Lane, MapSource, RouteSource
+from intersection_env.maps.source import FORMAT, VERSION, MapSource
+from intersection_env.maps.source_entries import Arm, Lane, RouteSource
 
 OFFERED = 12  # ours: of so many junctions it is tried whether a source can be made of them
 LIMIT = 50.0  # [km/h], ours: guessed where the map says none

@@ -14,7 +14,8 @@ from intersection_env.maps.meeting import NEVER, SWEPT_WIDTH, Conflict, Interval
 from intersection_env.maps.right_of_way import Ruling, is_by_arrival, ruling, who_waits
 from intersection_env.maps.route import CompiledRoute, swept
 from intersection_env.maps.shared import shared_lanes
-from intersection_env.maps.source import MapSource, RouteSource
+from intersection_env.maps.source import MapSource
+from intersection_env.maps.source_entries import RouteSource
 
 LEAST_AREA = 0.05  # [m²], ours: bands that touch by less do not meet
 EARLIEST = 0.5  # [m], ours: a conflict may begin so far before a stop line

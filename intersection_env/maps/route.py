@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from intersection_env.maps.curve import Points, along
 from intersection_env.maps.meeting import SWEPT_WIDTH
-from intersection_env.maps.source import STOPPING, MapSource, Piece, RouteSource
+from intersection_env.maps.source import MapSource, Piece
+from intersection_env.maps.source_entries import STOPPING, RouteSource
 
 SPACING = 1.0  # [m], ours: linear interpolation on this grid is within 2 cm of an arc of 6 m radius
 HEADING_OFFSETS = (-10.0, -3.0, 3.0, 10.0, 30.0, 100.0)  # [m], paper, Table I

@@ -19,7 +19,8 @@ from data.formats.ind import read_recording
 from data.recording import Recording
 from intersection_env.maps.curve import along
 from intersection_env.maps.intersection import MAPS, Intersection
-from intersection_env.maps.source import Lane, MapSource
+from intersection_env.maps.source import MapSource
+from intersection_env.maps.source_entries import Lane
 from tests.support.recordings import Floats, Mover, on_route, steady, write_recording
 
 TRUE = MAPS / "t_junction.json"

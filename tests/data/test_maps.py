@@ -16,7 +16,8 @@ from data.maps.place import shift_to
 from data.maps.utm import utm
 from data.recording import Recording
 from intersection_env.maps.intersection import Intersection
-from intersection_env.maps.source import LARGEST, MapSource
+from intersection_env.maps.source import MapSource
+from intersection_env.maps.source_values import LARGEST
 from tests.support.lane_maps import (
     Drawn,
     Junction,
