@@ -19,6 +19,7 @@ from data.formats.folder import read_recording
 from intersection_env.command import run_command
 from intersection_env.files import check_writable
 from intersection_env.maps.intersection import MAPS, Intersection, shipped_maps
+from intersection_env.maps.name import check_name
 from intersection_env.maps.source import MapSource
 from intersection_env.plots.files import check_figure, write_figure
 
@@ -45,11 +46,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
         picture = options.picture or options.out.with_suffix(".png")
         check_writable(options.out)
         check_figure(picture)
+        name = None if options.name is None else check_name(options.name)
         source, before = MapSource.read(path), Intersection.load(options.map)
         on_map, _ = recordings_on(options.folder, before)
         recordings = [read_recording(options.folder, id) for id in on_map]
         alignment = align(source, before, recordings, options.least_cars)
-        write_source(path, alignment.source, options.out, options.name or f"{source.name}_aligned", ABOUT)
+        write_source(path, alignment.source, options.out, name or f"{source.name}_aligned", ABOUT)
         write_figure(plot_alignment(alignment), picture)
     except (OSError, ValueError) as error:
         print(f"error: {error}", file=sys.stderr)

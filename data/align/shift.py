@@ -15,7 +15,8 @@ from data.maps.bend import least_bent, on_grid
 from data.maps.smooth import telling
 from intersection_env.maps.curve import Points, along
 from intersection_env.maps.intersection import Intersection
-from intersection_env.maps.source import Lane, MapSource
+from intersection_env.maps.source import MapSource
+from intersection_env.maps.source_entries import Lane
 
 STATION = 5.0  # [m], ours: between the places along a lane at which its shift is estimated
 SMOOTH = 10.0  # [m], ours: over about this length a shift may change, and beyond the tracks it stays what it was
@@ -25,6 +26,7 @@ MOST_SHIFT = 4.0  # [m], ours: more than a lane is a mistake in the map, or trac
 EASED = 0.3  # [m], ours: a way inside is straightened by so much: where cars drive is known no better, their curve is
 CONSTANT = 0.1  # [m], ours: a shift that varies by less along its lane is taken as one for all of it
 EXACT = 0.02  # [m], ours: points of a lane that deviate less are left out
+DECIMALS = 2  # ours: centimetres
 
 
 @dataclass(frozen=True)
@@ -97,7 +99,8 @@ def inside_of(route_id: str) -> str:
 
 
 def shifted(source: MapSource, shifts: Mapping[str, LaneShift]) -> MapSource:
-    """The source with these lanes moved to the left, points added where a shift varies."""
+    """The source with these lanes moved to the left, points added where a shift varies; to the centimetre, as the file
+    will hold them, so that what compiles now compiles then."""
     lanes = {name: _moved(lane, shifts[name]) if name in shifts else lane for name, lane in source.lanes.items()}
     routes = []
     drawn = any(inside_of(route.id) in shifts for route in source.routes)
@@ -152,7 +155,7 @@ def _moved(lane: Lane, shift: LaneShift) -> Lane:
     points = points + left[:, None] * _normals(points)
     width = np.interp(place, way, lane.width)
     kept = _telling(points, width)
-    return Lane(np.round(points[kept], 2) + 0.0, np.round(width[kept], 2))  # as a file holds them
+    return Lane(np.round(points[kept], DECIMALS) + 0.0, np.round(width[kept], DECIMALS))
 
 
 def _normals(points: Points) -> Points:

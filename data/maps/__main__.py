@@ -22,7 +22,9 @@ from data.maps.source_of import Imported, source_of
 from data.maps.source_text import source_text
 from intersection_env.command import run_command
 from intersection_env.files import check_writable, written_whole
-from intersection_env.maps.source import LARGEST, MapSource, check_locations, check_name
+from intersection_env.maps.compiler import compile_file
+from intersection_env.maps.name import check_name
+from intersection_env.maps.source_values import LARGEST, check_locations
 
 ENOUGH = 0.6  # ours: where so many cars drive on lanes already, the map lies where it should
 READ = 3  # ours: so many recordings show where a map lies
@@ -50,7 +52,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if options.out.suffix != ".json":
             raise ValueError(f'--out must end in .json, not "{options.out}"')
         check_writable(options.out)
-        name = check_name(options.name or options.out.stem)
+        name = check_name(options.out.stem if options.name is None else options.name)
         check_locations(options.locations)
         around = None if options.around is None else _circle(options.around)
         lane_map = _read(options.file, options.origin)
@@ -73,9 +75,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _check_written(written: Path, out: Path) -> None:
-    """Reads the source back as everybody will; errors name the file that was asked for."""
+    """Reads and compiles the source as everybody will; errors name the file that was asked for."""
     try:
-        MapSource.read(written)
+        compile_file(written)
     except ValueError as error:
         raise ValueError(str(error).replace(str(written), str(out))) from None
 

@@ -9,7 +9,8 @@ import numpy as np
 
 from intersection_env.maps.compiler import encounters
 from intersection_env.maps.curve import along
-from intersection_env.maps.source import Lane, MapSource
+from intersection_env.maps.source import MapSource
+from intersection_env.maps.source_entries import Lane
 
 EARLIEST = 0.5  # [m], the compiler takes conflicts that begin so far before a stop line
 ROOM = 0.3  # [m], ours: a lane that is cut back ends so far before its first conflict

@@ -9,6 +9,7 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from data.maps.arms import ArmLanes, find_arms
 from data.maps.bend import least_bent, room_of
@@ -22,7 +23,8 @@ from data.maps.smooth import polyline, telling
 from data.maps.stop_lines import with_stop_lines
 from intersection_env.maps.compiler import compile_map, encounters
 from intersection_env.maps.conflicts import Encounter
-from intersection_env.maps.source import FORMAT, VERSION, Arm, Lane, MapSource, RouteSource
+from intersection_env.maps.source import FORMAT, VERSION, MapSource
+from intersection_env.maps.source_entries import Arm, Lane, RouteSource
 
 OFFERED = 12  # ours: of so many junctions it is tried whether a source can be made of them
 LIMIT = 50.0  # [km/h], ours: guessed where the map says none
@@ -48,7 +50,7 @@ class Imported:
         for one in source.routes:
             routes[one.id] = {"approach": list(one.approach), "exit": list(one.leaving)}
             if one.inside is not None:
-                routes[one.id]["inside"] = rounded(one.inside)
+                routes[one.id]["inside"] = one.inside.tolist()
             if one.interior:
                 routes[one.id]["inside"] = list(one.interior)
         return {
@@ -62,20 +64,14 @@ class Imported:
                 for name, arm in source.arms.items()
             },
             "lanes": {
-                name: {"width": np.round(lane.width, 2).tolist(), "points": rounded(lane.points)}
+                name: {"width": lane.width.tolist(), "points": lane.points.tolist()}
                 for name, lane in source.lanes.items()
             },
-            "stop_lines": {name: rounded(line) for name, line in source.stop_lines.items()},
+            "stop_lines": {name: line.tolist() for name, line in source.stop_lines.items()},
             "routes": routes,
             "yields": [list(pair) for pair in sorted(source.yields)],
             "free": sorted(sorted(pair) for pair in source.free),
         }
-
-
-def rounded(points: Any) -> list[list[float]]:
-    """Points to the centimetre."""
-    rows: list[list[float]] = (np.round(points, 2) + 0.0).tolist()
-    return rows
 
 
 def source_of(lane_map: LaneMap, name: str, around: Circle | None, locations: Sequence[int] = ()) -> Imported:
@@ -94,7 +90,7 @@ def source_of(lane_map: LaneMap, name: str, around: Circle | None, locations: Se
     dropped: Counter[str] = Counter()
     ways = find_paths(lane_map, circle, inside, dropped)
     arms = find_arms(lane_map, circle, ways)
-    named = _named(arms, ways, dropped)
+    named = _named(arms, ways)
     counts.update({f"way: {why}": count for why, count in dropped.items() if count})
     guessed = _loose_joints(lane_map, named)
     ring = ring_of(lane_map, inside)
@@ -105,7 +101,7 @@ def source_of(lane_map: LaneMap, name: str, around: Circle | None, locations: Se
     by_name = {arm.name: Arm(rights[arm.name], limits[arm.name]) for arm in arms if arm.name in used}
     source = MapSource(name, tuple(locations), by_name, lanes, {}, tuple(routes), frozenset())
     source = with_room(source, guessed)
-    source = with_stop_lines(source, lane_map, named, guessed)
+    source = _to_centimetres(with_stop_lines(source, lane_map, named, guessed))
     source = _decided(source, lane_map, named, guessed)
     guessed += [
         f'lane "{one}": only {length_of(source.lanes[one]):.0f} m before the junction: too short for who queues there'
@@ -148,16 +144,13 @@ def _loose_joints(lane_map: LaneMap, ways: Mapping[str, Way]) -> list[str]:
     ]
 
 
-def _named(arms: Sequence[ArmLanes], ways: Sequence[Way], dropped: Counter[str]) -> dict[str, Way]:
-    """The ways by route id: "W-E", and "W-E.2" for the next one to the left; U-turns are left out."""
+def _named(arms: Sequence[ArmLanes], ways: Sequence[Way]) -> dict[str, Way]:
+    """The ways by route id: "W-E", "W-E.2" for the next one to the left, and "W-W" for one that turns back."""
     entry = {id: (arm.name, place) for arm in arms for place, id in enumerate(arm.approaches)}
     leave = {id: (arm.name, place) for arm in arms for place, id in enumerate(arm.exits)}
     found: dict[str, Way] = {}
     for way in sorted(ways, key=lambda one: (entry[one.approach[-1]], leave[one.leaving[0]])):
         a, b = entry[way.approach[-1]][0], leave[way.leaving[0]][0]
-        if a == b:
-            dropped["turns back into its own arm"] += 1
-            continue
         same = sum(id == f"{a}-{b}" or id.startswith(f"{a}-{b}.") for id in found)
         found[f"{a}-{b}.{same + 1}" if same else f"{a}-{b}"] = way
     return found
@@ -236,6 +229,18 @@ def _parts(chain: tuple[str, ...], chains: set[tuple[str, ...]]) -> tuple[tuple[
             parts.append([id])
         before = users
     return tuple(map(tuple, parts))
+
+
+def _to_centimetres(source: MapSource) -> MapSource:
+    """The source as its file holds it: what is decided and compiled now is so when it is read, too."""
+    lanes = {name: Lane(_rounded(lane.points), _rounded(lane.width)) for name, lane in source.lanes.items()}
+    lines = {name: _rounded(line) for name, line in source.stop_lines.items()}
+    routes = [one if one.inside is None else replace(one, inside=_rounded(one.inside)) for one in source.routes]
+    return replace(source, lanes=lanes, stop_lines=lines, routes=tuple(routes))
+
+
+def _rounded(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    return np.asarray(np.round(values, 2) + 0.0)  # adding 0 leaves no -0.0
 
 
 def _decided(source: MapSource, lane_map: LaneMap, ways: Mapping[str, Way], guessed: list[str]) -> MapSource:

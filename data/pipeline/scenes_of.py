@@ -97,7 +97,7 @@ def check_distance(recording: Recording, intersection: Intersection) -> None:
         raise ValueError(
             f"recording {recording.id} lies {np.median(far):.0f} m (median) from the routes of map"
             f' "{intersection.name}": around [{middle}], and the map around [{place}]; wanted both in the same metres'
-            " (python -m data.maps --shift or --origin moves a map)"
+            " (python -m data.maps FILE --recordings FOLDER moves a map to where they drive; else --shift, --origin)"
         )
 
 

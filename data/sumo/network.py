@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 
 from data.sumo.places import BENDPLATZ
 from intersection_env.maps.curve import Points, along
-from intersection_env.maps.source import MapSource, Piece, RouteSource
+from intersection_env.maps.source import MapSource, Piece
+from intersection_env.maps.source_entries import RouteSource
 
 CENTRE = "centre"
 CORNERING = {"taxi": 1.4, "hov": 2.0, "evehicle": 2.6, "custom1": 3.2, "custom2": 4.0}

@@ -27,7 +27,7 @@ KINDS = {
 }
 MODELS = (
     "`constant_velocity`; the IDM with critical gaps (`idm_critical_gap`), with SUMO's rule (`idm_sumo`) and with the "
-    "gap network (`gap`); the calibrated IDM (`idm_calibrated`) the drivers learned by PPO and by GAIL, with the gap "
+    "gap network (`gap`); the calibrated IDM (`idm_calibrated`); the drivers learned by PPO and by GAIL, with the gap "
     "network (`ppo`, `gail`); and the rollout gradient's, with a gap network of its own (`rollout_gradient`)"
 )
 
@@ -57,11 +57,11 @@ def _table(heads: Sequence[str | None], rows: Sequence[Sequence[str]]) -> str:
 def _recordings(place: Json) -> Iterator[str]:
     every = place["recordings"]
     recorded = sum(one["seconds"] for one in every)
-    vehicles = ", ".join(f"{count} {kind}" for kind, count in place["vehicles"].items()) or "no vehicle"
+    vehicles = ", ".join(f"{kind} {count}" for kind, count in place["vehicles"].items()) or "none"
     share = f"{100.0 * place['seconds'] / recorded:.0f} % of the time" if recorded else "nothing"
     yield (
-        f"{len(every)} recordings, {recorded / 60.0:.1f} min. Left in scenes: {share}, {place['scenes']} stretches of "
-        f"{place['seconds'] / 60.0:.1f} min in all with {vehicles}."
+        f"Recordings: {len(every)}, {recorded / 60.0:.1f} min. Left in scenes: {share}; stretches: {place['scenes']}, "
+        f"of {place['seconds'] / 60.0:.1f} min in all. Vehicles in them: {vehicles}."
     )
     rows = [
         (

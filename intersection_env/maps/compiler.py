@@ -11,7 +11,8 @@ from pathlib import Path
 from intersection_env.maps.conflicts import Encounter, Meeting, encounters_of, meeting
 from intersection_env.maps.meeting import Conflict, Overlap, SharedLane
 from intersection_env.maps.route import HEADING_OFFSETS, SPACING, CompiledRoute, compile_route
-from intersection_env.maps.source import MapSource, RouteSource
+from intersection_env.maps.source import MapSource
+from intersection_env.maps.source_entries import RouteSource
 
 MAGIC = "intersection_env map"
 VERSION = 2

@@ -12,9 +12,10 @@ from shapely.ops import substring
 
 from intersection_env.maps.meeting import NEVER, SWEPT_WIDTH, Conflict, Interval, Overlap, SharedLane
 from intersection_env.maps.right_of_way import Ruling, is_by_arrival, ruling, who_waits
-from intersection_env.maps.route import CompiledRoute
+from intersection_env.maps.route import CompiledRoute, swept
 from intersection_env.maps.shared import shared_lanes
-from intersection_env.maps.source import MapSource, RouteSource
+from intersection_env.maps.source import MapSource
+from intersection_env.maps.source_entries import RouteSource
 
 LEAST_AREA = 0.05  # [m²], ours: bands that touch by less do not meet
 EARLIEST = 0.5  # [m], ours: a conflict may begin so far before a stop line
@@ -97,9 +98,11 @@ def encounters_of(source: MapSource, a: CompiledRoute, b: CompiledRoute) -> Iter
 def _areas(a: CompiledRoute, b: CompiledRoute, shared: list[SharedLane]) -> Iterator[Area]:
     """Where bands around two routes overlap beside what they share; of those from one lane, before they merge."""
     parted = any(max(one.begin_a, one.begin_b) == -NEVER for one in shared)
-    for section_a in _sections(a.line.length, [(one.begin_a, one.end) for one in shared]):
-        for section_b in _sections(b.line.length, [(one.begin_b, one.end + one.offset) for one in shared]):
-            one, other = _swept(a, section_a), _swept(b, section_b)
+    sections_a = list(_sections(a.line.length, [(one.begin_a, one.end) for one in shared]))
+    sections_b = list(_sections(b.line.length, [(one.begin_b, one.end + one.offset) for one in shared]))
+    bands_a, bands_b = [_swept(a, one) for one in sections_a], [_swept(b, one) for one in sections_b]
+    for section_a, one in zip(sections_a, bands_a, strict=True):
+        for section_b, other in zip(sections_b, bands_b, strict=True):
             if one is None or other is None or not shapely.intersects(one, other):
                 continue
             merging = any((section_a[1], section_b[1]) == (lane.begin_a, lane.begin_b) for lane in shared)
@@ -122,8 +125,7 @@ def _swept(route: CompiledRoute, section: Interval) -> shapely.Polygon | None:
     begin, end = section
     if end - max(begin, 0.0) < SWEPT_WIDTH / 2.0:
         return None
-    line = route.line if section == (0.0, route.line.length) else substring(route.line, begin, end)
-    return shapely.buffer(line, SWEPT_WIDTH / 2.0, cap_style="flat")
+    return route.band if section == (0.0, route.line.length) else swept(substring(route.line, begin, end))
 
 
 def _parts(

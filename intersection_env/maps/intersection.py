@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from intersection_env import _core
 from intersection_env.arguments import file_there, name_or_file
 from intersection_env.maps.meeting import Conflict, SharedLane
+from intersection_env.maps.name import check_name
 
 MAPS = Path(__file__).parent
 
@@ -106,7 +107,10 @@ class Intersection:
         """Reads the text of a compiled map; `where` names it in errors (use `load` for files)."""
         self.text, self._where = text, where
         self.core = _core.Map(text, where)
-        self.name: str = self.core.name
+        try:
+            self.name = check_name(self.core.name)
+        except ValueError as error:
+            raise ValueError(f"{where}: {error}") from None
         self.locations: tuple[int, ...] = tuple(self.core.locations)
         self.checksum = f"{self.core.checksum:08x}"
         self.spacing: float = self.core.spacing

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import shapely
 from numpy.typing import NDArray
 
 from intersection_env.maps.curve import Points, along
-from intersection_env.maps.source import STOPPING, MapSource, Piece, RouteSource
+from intersection_env.maps.meeting import SWEPT_WIDTH
+from intersection_env.maps.source import MapSource, Piece
+from intersection_env.maps.source_entries import STOPPING, RouteSource
 
 SPACING = 1.0  # [m], ours: linear interpolation on this grid is within 2 cm of an arc of 6 m radius
 HEADING_OFFSETS = (-10.0, -3.0, 3.0, 10.0, 30.0, 100.0)  # [m], paper, Table I
@@ -38,6 +41,16 @@ class CompiledRoute:
         if not self.source.interior:
             return self.junction[1]
         return self.ends[self.pieces.index(self.source.interior[0]) - 1]
+
+    @cached_property
+    def band(self) -> shapely.Polygon:
+        """What a vehicle sweeps along all of it; most pairs of routes are compared by these."""
+        return swept(self.line)
+
+
+def swept(line: shapely.Geometry) -> shapely.Polygon:
+    """What a vehicle sweeps along a line."""
+    return shapely.buffer(line, SWEPT_WIDTH / 2.0, cap_style="flat")
 
 
 def compile_route(source: MapSource, route: RouteSource) -> CompiledRoute:

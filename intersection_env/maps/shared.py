@@ -14,6 +14,7 @@ from intersection_env.maps.route import CompiledRoute
 MERGED_DISTANCE = 1.0  # [m], ours: nearer than this to a lane's centreline, a vehicle is in that lane
 MOST_SHARED = 2  # ours: as two routes around a roundabout do; the core keeps no more
 GRID = 0.1  # [m]
+AT_ONCE = 64  # ours: places looked at together; routes part and merge within a few metres of a lane that they share
 
 
 class Run(NamedTuple):
@@ -70,17 +71,25 @@ def _begin(route: CompiledRoute, piece: int) -> float:
 def _where_near(route: CompiledRoute, other: CompiledRoute, begin: float) -> float:
     """From where on the route stays near the other until they share a lane, which it does from `begin` on."""
     s = np.arange(0.0, begin + GRID, GRID)
-    far = np.flatnonzero(_distance(route, other, s) >= MERGED_DISTANCE)
-    far = far[far < len(s) - 2]  # where they share the lane they are near, whatever rounding says
-    return float(s[far[-1] + 1]) if len(far) else 0.0
+    end = len(s) - 2  # where they share the lane they are near, whatever rounding says
+    while end > 0:
+        first = max(end - AT_ONCE, 0)
+        far = np.flatnonzero(_distance(route, other, s[first:end]) >= MERGED_DISTANCE)
+        if len(far):
+            return float(s[first + far[-1] + 1])
+        end = first
+    return 0.0
 
 
 def _where_apart(route: CompiledRoute, other: CompiledRoute, end: float) -> float:
     """Where the route leaves the other, after a lane that they share until `end`; the route's length if it stays."""
     s = np.arange(0.0, route.line.length, GRID)
     s = s[s > end - GRID]
-    apart = np.flatnonzero(_distance(route, other, s) > SWEPT_WIDTH)
-    return float(s[apart[0]]) if len(apart) else float(route.line.length)
+    for first in range(0, len(s), AT_ONCE):
+        apart = np.flatnonzero(_distance(route, other, s[first : first + AT_ONCE]) > SWEPT_WIDTH)
+        if len(apart):
+            return float(s[first + apart[0]])
+    return float(route.line.length)
 
 
 def _distance(route: CompiledRoute, other: CompiledRoute, s: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -19,7 +19,8 @@ from data.formats.ind import read_recording
 from data.recording import Recording
 from intersection_env.maps.curve import along
 from intersection_env.maps.intersection import MAPS, Intersection
-from intersection_env.maps.source import Lane, MapSource
+from intersection_env.maps.source import MapSource
+from intersection_env.maps.source_entries import Lane
 from tests.support.recordings import Floats, Mover, on_route, steady, write_recording
 
 TRUE = MAPS / "t_junction.json"
@@ -225,6 +226,20 @@ def test_command_writes_map_picture_and_table(
     assert compiled(MapSource.read(out)).locations == (LOCATION,)
 
 
+def test_the_file_written_is_the_map_that_was_found_to_compile(tmp_path: Path, true_map: Intersection) -> None:
+    """To the last digit: rounded afterwards, a map that just compiles may not."""
+    traffic(tmp_path / "in", true_map, aside=0.3)
+    content = json.loads(TRUE.read_text())
+    content["lanes"]["S_in"]["points"][0][0] += 0.00123  # of a lane that stays, finer than what is written of others
+    fine = tmp_path / "fine.json"
+    fine.write_text(json.dumps(content))
+    source = MapSource.read(fine)
+    alignment = align(source, compiled(source), [read_recording(tmp_path / "in", "07")], least_cars=CARS + 1)
+    assert "S_in" not in alignment.shifts[0]
+    write_source(fine, alignment.source, tmp_path / "out.json", source.name, "")
+    assert Intersection.load(tmp_path / "out.json").checksum == alignment.after.checksum
+
+
 @pytest.mark.parametrize(
     ("map", "out", "words"),
     [
@@ -240,6 +255,15 @@ def test_bad_arguments_are_named(
     assert main([map, str(tmp_path / "in"), "--out", str(tmp_path / out)]) == 1
     assert words in capsys.readouterr().err
     assert not (tmp_path / out).exists()
+
+
+def test_a_name_that_cannot_name_a_file_is_refused_before_anything_is_read(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "out.json"
+    assert main(["t_junction", str(tmp_path / "nowhere"), "--out", str(out), "--name", "a/b"]) == 1
+    assert "as it names files, not 'a/b'" in capsys.readouterr().err
+    assert not out.exists()
 
 
 def test_recordings_without_a_car_on_the_map_are_refused(tmp_path: Path, true_map: Intersection) -> None:

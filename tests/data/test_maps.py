@@ -17,8 +17,10 @@ from data.maps.place import shift_to
 from data.maps.utm import utm
 from data.recording import Recording
 from intersection_env.maps.intersection import Intersection
-from intersection_env.maps.source import LARGEST, MapSource
+from intersection_env.maps.source import MapSource
+from intersection_env.maps.source_values import LARGEST
 from tests.support.lane_maps import (
+    Drawn,
     Junction,
     Rule,
     into,
@@ -85,6 +87,23 @@ def test_parallel_lanes_are_routes_side_by_side(tmp_path: Path) -> None:
     assert routes["W-N"].approach == routes["W-E.2"].approach
     right, left = (source.lanes[routes[id].approach[-1]].points[-1][1] for id in ("W-E", "W-E.2"))
     assert right < left < 0.0
+
+
+@pytest.mark.parametrize("suffix", [".xml", ".osm"])
+def test_a_lane_that_turns_back_is_a_route_from_its_arm_to_itself(tmp_path: Path, suffix: str) -> None:
+    drawn, id = junction(), 1999
+    begin, end = drawn.lanelets[into("W")], drawn.lanelets[out_of("W")]
+    angle = np.linspace(-0.5 * np.pi, 0.5 * np.pi, 12)
+    turn = np.array([-10.0, 0.0]) + np.stack([4.0 * np.cos(angle), 1.75 * np.sin(angle)], axis=1)
+    curve = np.concatenate([begin.centre[-1:], turn, end.centre[:1]])
+    drawn = drawn.changed(into("W"), successors=(*begin.successors, id))
+    drawn = Junction(drawn.lanelets | {id: Drawn(id, curve, (out_of("W"),))})
+    source = imported(tmp_path, drawn, suffix=suffix)
+    assert {route.id for route in source.routes} == ALL | {"W-W"}
+    back = next(route for route in source.routes if route.id == "W-W")
+    assert (back.approach, back.leaving) == (("W_in",), ("W_out",))
+    assert back.inside is not None
+    assert back.inside[:, 0].max() > -7.5  # its bound on the inside is all but a point
 
 
 def test_signs_say_who_yields(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -368,7 +387,9 @@ def test_the_written_source_has_a_line_for_each_lane_and_route(tmp_path: Path) -
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        (("--name", "two words"), "error: \"name\" must be one word, not 'two words'"),
+        (("--name", "two words"), 'error: "name" must be one word'),
+        (("--name", "a/b"), 'error: "name" must be one word of letters, digits'),
+        (("--name", ""), 'error: "name" must be one word'),
         (("--locations", "-1"), 'error: "locations" must be a list of integers'),
     ],
 )

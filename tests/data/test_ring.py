@@ -14,7 +14,7 @@ from data.maps.paths import Way
 from data.maps.ring import around, ring_of
 from data.maps.source_of import source_of
 from data.maps.source_text import source_text
-from intersection_env import Intersection
+from intersection_env import Intersection, Predictor, Traffic, Vehicle
 
 RADIUS, BESIDE, TURN = 15.0, 2.25, np.radians(33.0)
 ARMS = ("E", "N", "W", "S")
@@ -80,6 +80,17 @@ def test_who_circulates_goes_first_on_an_imported_roundabout(imported: Intersect
     assert {("E-S", "W-N"), ("W-N", "E-S"), ("E-W", "S-N"), ("N-S", "E-W")} <= pairs
     assert ("S-N", "E-W") not in pairs
     assert all(c.merging and c.line > imported.routes[c.prioritized].stop_line for c in imported.conflicts)
+
+
+def test_every_arm_of_an_imported_roundabout_leads_back_to_itself_too(imported: Intersection) -> None:
+    assert {route.id for route in imported.routes} == {f"{a}-{b}" for a in ARMS for b in ARMS}
+    back = imported.routes[imported.route_index("N-N")]
+    turned = back.samples[round(back.length) - 10, 2] - back.samples[10, 2]
+    assert turned == pytest.approx(np.pi, abs=0.05)  # once around the middle, counter-clockwise
+    predictor, traffic = Predictor.load("idm"), Traffic.of(imported, [Vehicle("car", "N-N", 20.0, 6.0)])
+    for _ in range(6):
+        traffic = predictor.predict(traffic).traffic_at(10.0)
+    assert not len(traffic)
 
 
 def test_imported_file_has_one_lane_for_each_stretch_of_the_ring(imported: Intersection, tmp_path: Path) -> None:

@@ -38,7 +38,7 @@ class Looked:
     stay: dict[str, int] = field(default_factory=lambda: dict.fromkeys(DRIVERS, 0))
     """By driver, the traffics in which somebody never does."""
     crashed: dict[str, int] = field(default_factory=lambda: dict.fromkeys(DRIVERS, 0))
-    """By driver, those that jam because two collided, as random traffic may begin too fast behind a lead."""
+    """By driver, those in which it does because it collided, as random traffic may begin too fast behind a lead."""
     compared: int = 0
     farthest: float = 0.0
     """How far a position of the core is from the twin's at most [m]."""
@@ -84,7 +84,7 @@ def _drive_on(traffic: Traffic, drivers: dict[str, Predictor], where: str, looke
         left, seconds = traffic, 0
         while len(left) and seconds < LONGEST:
             left, seconds = predictor.predict(left).traffic_at(10.0), seconds + 10
-        if left.overlaps:
+        if len(left) and collided(traffic, predictor, seconds) & set(left.ids):
             looked.crashed[name] += 1
         elif len(left):
             looked.stay[name] += 1
@@ -98,6 +98,17 @@ def _drive_on(traffic: Traffic, drivers: dict[str, Predictor], where: str, looke
             looked.wrong.append(f"{where}: by {name} still there after {LONGEST} s: {places}")
         else:
             looked.longest[name] = max(looked.longest[name], seconds)
+
+
+def collided(traffic: Traffic, predictor: Predictor, seconds: int) -> set[str]:
+    """Whose bodies overlap another at some time of so many seconds, though they may have come free again."""
+    found: set[str] = set()
+    for _ in range(seconds // 10):
+        prediction = predictor.predict(traffic)
+        for time in prediction.time[1:]:
+            found.update(*prediction.traffic_at(float(time)).overlaps)
+        traffic = prediction.traffic_at(10.0)
+    return found
 
 
 def _compare(traffic: Traffic, twin: TwinTraffic, seed: int, where: str, looked: Looked) -> None:

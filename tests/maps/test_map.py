@@ -168,6 +168,7 @@ def test_unknown_name_lists_what_ships() -> None:
         (lambda text: with_checksum(body_of("t_junction").replace("routes 6", "routes 7", 1)), '"route" was expected'),
         (lambda text: with_checksum(body_of("t_junction").replace("routes 6", "routes 9999", 1)), "from 1 to 256"),
         (lambda text: with_checksum(body_of("t_junction") + "more\n"), "nothing was expected here"),
+        (lambda text: with_checksum(body_of("t_junction").replace("name t_", "name ../t_", 1)), "as it names files"),
         (lambda text: with_checksum(body_of("t_junction").replace("length 320", "length 900", 1)), "do not cover"),
     ],
 )
@@ -210,6 +211,10 @@ def test_damage_anywhere_with_a_right_checksum_never_crashes() -> None:
         ({"format": "something"}, '"format" must be'),
         ({"version": 9}, '"version" is 9, this package reads 2'),
         ({"name": "two words"}, '"name" must be one word'),
+        ({"name": "a/b"}, "as it names files, not 'a/b'"),
+        ({"name": "../a"}, "as it names files, not '../a'"),
+        ({"name": ".hidden"}, "as it names files, not '.hidden'"),
+        ({"name": ""}, "as it names files, not ''"),
         ({"arms": {"W": {"right_of_way": "maybe", "speed_limit_kmh": 50}}}, '"right_of_way" must be one of'),
         ({"arms": {"W": {"right_of_way": "yield", "speed_limit_kmh": -5}}}, "must be a positive number, not -5"),
         ({"lanes": {"W_in": {"width": 3, "points": [[0, 0]]}}}, "at least 2 points"),

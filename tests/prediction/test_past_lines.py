@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -13,13 +14,15 @@ from tests.support.single_lane_junction import single_lane_source
 DRIVERS = ("idm", "rollout_gradient", "gail", "ppo")
 EARLY = 22.0
 """From the centre to the lines [m], which leaves room for three cars between a line and the first conflict."""
+EARLY_LINES: dict[str, Any] = {"near": EARLY, "yields": [("E-W", "S-N")]}
+"""Right before left; but who comes from the east waits for who drives north."""
 
 
 @pytest.fixture
 def early(tmp_path: Path) -> Intersection:
-    """Lines far before the conflicts, right before left; but who comes from the east waits for who drives north."""
+    """Lines far before the conflicts."""
     path = tmp_path / "early_lines.json"
-    path.write_text(single_lane_source(near=EARLY, yields=[("E-W", "S-N")]))
+    path.write_text(single_lane_source(**EARLY_LINES))
     return Intersection.load(path)
 
 
@@ -68,17 +71,14 @@ def test_nobody_waits_for_one_that_stands_behind_one_that_waits_for_it(driver: s
     assert clears(Predictor.load(driver), Traffic.of(early, cars), 60)
 
 
-def test_random_traffics_on_early_lines_clear(early: Intersection) -> None:
-    looked = look_at_place(early, 150, twins=15)
+@pytest.mark.parametrize(
+    ("drawn", "traffics"),
+    [(EARLY_LINES, 150), ({"near": 8.0, "far": 28.0}, 60), ({"near": 8.0, "far": 14.0}, 60)],
+    ids=["early lines", "20 m before the lines", "6 m, less than a truck's length"],
+)
+def test_random_traffics_clear_whatever_the_room(tmp_path: Path, drawn: dict[str, Any], traffics: int) -> None:
+    path = tmp_path / "drawn.json"
+    path.write_text(single_lane_source(**drawn))
+    looked = look_at_place(Intersection.load(path), traffics, twins=15)
     assert not looked.wrong
     assert looked.farthest < 1e-3
-
-
-def test_random_traffics_on_short_approaches_clear(tmp_path: Path) -> None:
-    """Routes begin 20 m before their lines, or less than a truck's length."""
-    for far, near in ((28.0, 8.0), (14.0, 8.0)):
-        path = tmp_path / "short.json"
-        path.write_text(single_lane_source(near=near, far=far))
-        looked = look_at_place(Intersection.load(path), 60, twins=15)
-        assert not looked.wrong
-        assert looked.farthest < 1e-3
