@@ -68,7 +68,7 @@ class RolloutSettings:
     """Go on with the run in that folder."""
     decider: str = "gap"
     """Who decides about gaps: a policy with a gap network, from which that one begins to learn."""
-    epochs: int = 48
+    epochs: int = 32
     """Each once through all drives of one vehicle alone among recorded ones, with the recorded order as delta."""
     alone_share: float = 0.25
     """Of the epochs, the first ones: they have no more than that. In the others moments are predicted jointly too, in

@@ -37,7 +37,12 @@ FLOORS = {
         ("__init__", "map_compiler"),
         ("__main__",),
     ),
-    "data": (("recording",), ("formats", "pipeline", "sumo"), ("build", "describe", "maps", "minari"), ("align",)),
+    "data": (
+        ("recording", "source_text"),
+        ("formats", "pipeline", "sumo"),
+        ("build", "describe", "maps", "minari"),
+        ("align",),
+    ),
     "agents": (("networks", "training"), ("rollouts",), ("export", "gap", "idm", "orders", "ppo")),
     "imitation": (
         ("tracks", "discriminator", "cloning", "empty_road_states", "map_tables", "torch_networks"),

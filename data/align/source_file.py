@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from data.maps.source_text import source_text
+from data.source_text import source_text
 from intersection_env.files import written_whole
 from intersection_env.maps.source import MapSource
 from intersection_env.maps.source_entries import Lane

@@ -19,7 +19,7 @@ from data.maps.lanelet2_file import read_lanelet2
 from data.maps.lanelets import LaneMap
 from data.maps.place import on_lanes, shift_to
 from data.maps.source_of import Imported, source_of
-from data.maps.source_text import source_text
+from data.source_text import source_text
 from intersection_env.command import run_command
 from intersection_env.files import check_writable, written_whole
 from intersection_env.maps.compiler import compile_file

@@ -20,6 +20,7 @@ from data.sumo import drive as sumo_drive
 from data.sumo import network as sumo_network
 from data.sumo import recording_files as sumo_files
 from data.sumo import tracks as sumo_tracks
+from data.sumo.larger import larger as larger_place
 from data.sumo.network import Network
 from data.sumo.places import NUMBERS, PLACES, Place, place_of
 from data.sumo.tracks import FRAME_RATE, Track
@@ -29,6 +30,7 @@ from intersection_env.scenes.scene import SPLITS
 
 RECORDINGS = Path(__file__).parents[1] / "recordings"
 DURATION, WARM_UP = 720.0, 60.0  # [s]
+MOST = 4.0  # ours: times as different, or as large, as usual
 SEED, REDRAW = 20100, 1000  # recording NN has seed SEED + NN, plus REDRAW for every time it is drawn again
 
 
@@ -40,30 +42,40 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument(
         "--wider", type=float, default=1.0, help="times as different drivers as usual; needs another --output"
     )
+    parser.add_argument(
+        "--larger", type=float, default=1.0, help="times as large places, whose maps are written, too; likewise"
+    )
     options = parser.parse_args(arguments)
-    if not options.wider >= 1.0:
-        parser.error(f"--wider must be at least 1, not {options.wider:g}")
-    if options.wider > 1.0 and options.output.resolve() == RECORDINGS:
-        parser.error("--wider needs an --output of its own, so that the recordings that ship stay as they are")
+    for name, times in (("--wider", options.wider), ("--larger", options.larger)):
+        if not 1.0 <= times <= MOST:
+            parser.error(f"{name} must be from 1 to {MOST:g}, not {times:g}")
+        if times > 1.0 and options.output.resolve() == RECORDINGS:
+            parser.error(f"{name} needs an --output of its own, so that the recordings that ship stay as they are")
     numbers = NUMBERS if options.recording is None else [options.recording]
     try:
         check_writable(options.output / "settings.json")
-        seeds = {number: generate(number, options.output, options.wider) for number in tqdm(numbers, unit="recording")}
+        seeds = {
+            number: generate(number, options.output, options.wider, options.larger)
+            for number in tqdm(numbers, unit="recording")
+        }
         if options.recording is None:
-            sumo_files.write_settings(options.output, _made_with(seeds, options.wider))
+            sumo_files.write_settings(options.output, _made_with(seeds, options.wider, options.larger))
     except (OSError, ValueError) as error:
         print(f"error: {error}", file=sys.stderr)
         return 1
     return 0
 
 
-def generate(number: int, folder: Path, wider: float = 1.0) -> list[int]:
+def generate(number: int, folder: Path, wider: float = 1.0, larger: float = 1.0) -> list[int]:
     """Write one recording's files; the seeds tried, the last without vehicles that collide or overlap.
 
-    wider: times as different drivers as usual, and a pace of each recording's own.
+    wider: times as different drivers as usual, and a pace of each recording's own. larger: times as large a place, as
+    of `larger`, whose map is written, too.
     """
     folder.mkdir(parents=True, exist_ok=True)
     place = place_of(number)
+    if larger > 1.0:
+        place = larger_place(place, larger, folder)
     source, network = sumo_network.read(place.source)
     seeds, tracks = [SEED + number], None
     while (tracks := draw(place, source, network, seeds[-1], wider)) is None:
@@ -92,9 +104,10 @@ def draw(place: Place, source: MapSource, network: Network, seed: int, wider: fl
     return sorted(tracks, key=lambda one: one.first_frame)
 
 
-def _made_with(seeds: dict[int, list[int]], wider: float) -> dict[str, object]:
+def _made_with(seeds: dict[int, list[int]], wider: float, larger: float) -> dict[str, object]:
+    changed = [f" --{name} {times:g}" for name, times in (("wider", wider), ("larger", larger)) if times > 1.0]
     return {
-        "made_by": "python -m data.sumo" + (f" --wider {wider:g}" if wider > 1.0 else ""),
+        "made_by": "python -m data.sumo" + "".join(changed),
         "maps": {place.map: [f"{number:02d}" for number in place.recordings] for place in PLACES},
         "split": {name: [f"{number:02d}" for place in PLACES for number in place.numbers[name]] for name in SPLITS},
         "seeds": {f"{number:02d}": tried[-1] for number, tried in seeds.items()},

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from data.sumo.places import BENDPLATZ
+from intersection_env.maps.compiler import compile_file
 from intersection_env.maps.curve import Points, along
 from intersection_env.maps.source import MapSource, Piece
 from intersection_env.maps.source_entries import RouteSource
@@ -105,9 +106,9 @@ class Network:
 
 
 def read(path: Path = BENDPLATZ.source) -> tuple[MapSource, Network]:
-    """A map's source and its network; the compiled map lies beside the source."""
-    source = MapSource.read(path)
-    return source, build(source, path.with_suffix(".map").read_text(encoding="utf-8"))
+    """A map's source and its network; the compiled map may lie beside the source."""
+    source, compiled = MapSource.read(path), path.with_suffix(".map")
+    return source, build(source, compiled.read_text(encoding="utf-8") if compiled.exists() else compile_file(path))
 
 
 def build(source: MapSource, compiled: str) -> Network:

@@ -23,6 +23,7 @@ class Place:
     main_flow: float
     side_flow: float
     view: dict[str, float]
+    folder: Path = MAPS
 
     @property
     def recordings(self) -> list[int]:
@@ -32,7 +33,7 @@ class Place:
     @property
     def source(self) -> Path:
         """The map's source file."""
-        return MAPS / f"{self.map}.json"
+        return self.folder / f"{self.map}.json"
 
 
 BENDPLATZ = Place(

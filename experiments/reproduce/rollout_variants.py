@@ -10,8 +10,8 @@ from typing import Any
 from agents.networks.driving import DrivingNetwork
 from agents.networks.export import driving_network
 from experiments.measure.horizon import horizon_results
+from experiments.reproduce.simulated_scenes import wider_scenes
 from experiments.reproduce.variants import CONSTANT_VELOCITY, NOT_CHANGED, SHARE, STEADY, joint_row, train_variants
-from experiments.reproduce.wider_scenes import wider_scenes
 from experiments.reproduce.workspace import Workspace
 from imitation.replay_error import constant_velocity_network, replay_error
 from imitation.rollout_gradient import PROFILES
@@ -40,6 +40,7 @@ ROLLOUTS = {
 """Options of `imitation.rollout_gradient`, where they are not the default ones."""
 DEFAULT_ROLLOUTS = "rollout gradient, all epochs"
 WIDER = "drivers drawn more widely"
+NO_LARGER = "no larger places"
 LEFT_OUT, EVERYWHERE = "left_out", "everywhere"
 
 
@@ -53,7 +54,8 @@ class RolloutVariants:
         self.of_options = {name: run_of(f"ablation_rollouts_{number}") for number, name in enumerate(ROLLOUTS)}
         self.of_one = {name: run_of(f"ablation_rollouts_only_{name}") for name in several[:1]}
         self.of_others = {name: run_of(f"ablation_rollouts_without_{name}") for name in several}
-        self.of_wider = {WIDER: run_of("ablation_rollouts_wider")} if workspace.simulated else {}
+        others = {WIDER: run_of("ablation_rollouts_wider"), NO_LARGER: run_of("ablation_rollouts_no_larger")}
+        self.of_scenes = others if workspace.simulated else {}
         self.unchanged = {seed: run_of(f"rollout_gradient_{seed}") for seed in seeds}
 
     def train(self) -> None:
@@ -64,21 +66,26 @@ class RolloutVariants:
             commands[run] = self._command([place for place in places if place.name == name])
         for name, run in self.of_others.items():
             commands[run] = self._command([place for place in places if place.name != name])
-        for run in self.of_wider.values():
+        if self.of_scenes:
             files = wider_scenes(places, self.workspace.options.work / "wider")
-            commands[run] = [*self._command(places), "--scenes", *map(str, files)]
+            commands[self.of_scenes[WIDER]] = self._command(places, told=self.workspace.learned_from(places, files))
+            commands[self.of_scenes[NO_LARGER]] = self._command(places, told=self.workspace.arguments(places))
         train_variants(self.workspace, commands, PROFILES["default"][1].epochs, SHARE)
 
-    def _command(self, places: Sequence[Intersection], changed: Sequence[str] = ()) -> list[str]:
+    def _command(
+        self, places: Sequence[Intersection], changed: Sequence[str] = (), told: Sequence[str] = ()
+    ) -> list[str]:
+        """told: of which scenes; what all learn from, unless it is given."""
         workspace = self.workspace
         gap, idm = (str(workspace.policy(name)) for name in ("gap", "idm_calibrated"))
-        common = ["imitation.rollout_gradient", "default", *workspace.arguments(places), "--decider", gap]
+        scenes = told or workspace.learned_from(places)
+        common = ["imitation.rollout_gradient", "default", *scenes, "--decider", gap]
         return [*common, "--teacher", idm, "--seed", str(workspace.options.seeds[0]), *changed]
 
     def rows(self, moments: Sequence[Moment]) -> dict[str, Any]:
         """Per variant: alone among recorded vehicles within a prediction's limits, on an empty road, predicting all."""
         runs = {f"{DEFAULT_ROLLOUTS}, seed {seed}": run for seed, run in self.unchanged.items()} | self.of_options
-        runs |= self.of_wider
+        runs |= self.of_scenes
         runs |= {f"one place only: {name}": run for name, run in self.of_one.items()}
         found = {CONSTANT_VELOCITY: self._row(constant_velocity_network(), STEADY, moments)}
         for name, run in runs.items():

@@ -19,6 +19,7 @@ from agents.training.folder import file_hash
 from data.build import build
 from data.build import summary as scenes_summary
 from experiments.reproduce.default import default_of
+from experiments.reproduce.simulated_scenes import LARGER, OF_LARGER
 from experiments.reproduce.stages import run_module, run_trainings
 from experiments.reproduce.workspace import Workspace
 from experiments.results_files import write_result
@@ -65,8 +66,12 @@ class Trainings:
         order = workspace.scenes_stages()
         stage("gap", order, policy("gap"), self._gap, effort=effort, order=order)
         stage("idm", ["gap"], policy("idm_calibrated"), self._idm, effort=effort)
-        rollouts = policy("rollout_gradient")
-        stage("rollout_gradient", ["gap", "idm"], rollouts, self._rollout_gradient, seeds=seeds, effort=effort)
+        needed, rollouts = ["gap", "idm"], policy("rollout_gradient")
+        if workspace.simulated:
+            how = {"times": LARGER, "recordings": OF_LARGER}
+            stage("larger", order, workspace.larger_made, self._larger, **how)
+            needed.append("larger")
+        stage("rollout_gradient", needed, rollouts, self._rollout_gradient, seeds=seeds, effort=effort)
         stage("ppo", ["gap"], policy("ppo"), self._ppo, seeds=seeds, effort=effort)
         stage("gail", ["ppo", "idm"], policy("gail"), self._gail, effort=effort)
         makers = ["gap", "idm", "rollout_gradient", "ppo", "gail"]
@@ -93,9 +98,13 @@ class Trainings:
         arguments += ["--out", str(self.workspace.policy("idm_calibrated"))]
         run_module("agents.idm", *arguments)
 
+    def _larger(self) -> None:
+        files = self.workspace.larger(self.workspace.places)
+        write_result(self.workspace.larger_made, {one.name: file_hash(one) for pair in files for one in pair})
+
     def _rollout_gradient(self) -> None:
         decider, teacher = (str(self.workspace.policy(name)) for name in ("gap", "idm_calibrated"))
-        arguments = [*self._everywhere, "--decider", decider, "--teacher", teacher]
+        arguments = [*self.workspace.learned_from(self.workspace.places), "--decider", decider, "--teacher", teacher]
         epochs = ROLLOUT_PROFILES["default"][1].epochs
         command = ["imitation.rollout_gradient", "default", *arguments]
         self._seeds("rollout_gradient", epochs, lambda seed: command, has_threads=False)

@@ -13,6 +13,7 @@ from typing import Any, Literal
 
 from agents.training.options import Maps
 from data.build import maps_of
+from experiments.reproduce.simulated_scenes import larger_scenes
 from experiments.reproduce.stages import Stages
 from intersection_env.maps.intersection import Intersection
 from intersection_env.scenes.places import load_places
@@ -101,8 +102,20 @@ class Workspace:
 
     def arguments(self, places: Sequence[Intersection]) -> list[str]:
         """What commands are told of some places' scenes: `--scenes ... --map ...`."""
-        files = [str(self.scenes_of(place)) for place in places]
-        return ["--scenes", *files, "--map", *(self._map_of(place) for place in places)]
+        return _told([self.scenes_of(place) for place in places], [self._map_of(place) for place in places])
+
+    def learned_from(self, places: Sequence[Intersection], files: Sequence[Path] = ()) -> list[str]:
+        """Likewise, of some places and, where recordings are simulated, of the same so many times as large.
+
+        files: scenes files of the places, others than those that all stages have.
+        """
+        larger = self.larger(places) if self.simulated else []
+        files = [*(files or [self.scenes_of(place) for place in places]), *(file for file, _ in larger)]
+        return _told(files, [*(self._map_of(place) for place in places), *(str(source) for _, source in larger)])
+
+    def larger(self, places: Sequence[Intersection]) -> list[tuple[Path, Path]]:
+        """Scenes files and maps of these places so many times as large, simulated unless they are there."""
+        return larger_scenes(places, self.options.work / "larger")
 
     def maps(self) -> list[str]:
         """The maps of all places as commands are told of them: names, or files."""
@@ -117,6 +130,11 @@ class Workspace:
     def simulated(self) -> bool:
         """Whether the recordings are those that ship."""
         return self.options.recordings.resolve() == SIMULATED
+
+    @property
+    def larger_made(self) -> Path:
+        """Which scenes of larger places there are, by the hash of each."""
+        return self.options.work / "larger" / "made.json"
 
     @property
     def default(self) -> Path:
@@ -152,3 +170,7 @@ class Workspace:
     def seconds(self) -> dict[str, float]:
         """What each stage took [s], the last time it was done."""
         return self.stages.seconds(self.names)
+
+
+def _told(files: Sequence[Path], maps: Sequence[str]) -> list[str]:
+    return ["--scenes", *map(str, files), "--map", *maps]

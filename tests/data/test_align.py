@@ -195,14 +195,6 @@ def test_shift_that_does_not_compile_is_limited_and_said(tmp_path: Path, true_ma
     assert compiled(alignment.source).checksum == alignment.after.checksum
 
 
-def test_the_written_file_is_the_map_that_was_tried(tmp_path: Path, true_map: Intersection) -> None:
-    """Lanes end where the map only just compiles; a rounding afterwards would make it one that does not."""
-    traffic(tmp_path / "in", true_map, aside=1.6, routes=["E-W"])
-    alignment = align(MapSource.read(TRUE), true_map, [read_recording(tmp_path / "in", "07")])
-    write_source(TRUE, alignment.source, tmp_path / "out.json", alignment.source.name, "")
-    assert compiled(MapSource.read(tmp_path / "out.json")).checksum == alignment.after.checksum
-
-
 def test_command_writes_map_picture_and_table(
     tmp_path: Path, true_map: Intersection, capsys: pytest.CaptureFixture[str]
 ) -> None:

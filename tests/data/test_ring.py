@@ -13,7 +13,7 @@ from data.maps.lanelets import Lanelet, LaneMap
 from data.maps.paths import Way
 from data.maps.ring import around, ring_of
 from data.maps.source_of import source_of
-from data.maps.source_text import source_text
+from data.source_text import source_text
 from intersection_env import Intersection, Predictor, Traffic, Vehicle
 
 RADIUS, BESIDE, TURN = 15.0, 2.25, np.radians(33.0)

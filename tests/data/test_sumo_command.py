@@ -79,12 +79,13 @@ def test_usual_temper_changes_nothing() -> None:
     assert drivers[0] == drivers[1]
 
 
-@pytest.mark.parametrize(("arguments", "message"), [(["--wider", "0.5"], "at least 1"), (["--wider", "2"], "--output")])
-def test_wider_recordings_are_never_written_over_those_that_ship(
-    capsys: pytest.CaptureFixture[str], arguments: list[str], message: str
+@pytest.mark.parametrize("option", ["--wider", "--larger"])
+@pytest.mark.parametrize(("times", "message"), [("0.5", "from 1 to 4"), ("2", "--output"), ("nan", "from 1 to 4")])
+def test_other_recordings_are_never_written_over_those_that_ship(
+    capsys: pytest.CaptureFixture[str], option: str, times: str, message: str
 ) -> None:
     with pytest.raises(SystemExit):
-        generate.main(["--recording", "0", *arguments])
+        generate.main(["--recording", "0", option, times])
     assert message in capsys.readouterr().err
 
 

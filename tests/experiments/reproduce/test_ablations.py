@@ -17,14 +17,16 @@ from agents.networks.export import driving_policy
 from agents.training.folder import METRICS, decisive
 from experiments.models import lead_across
 from experiments.reproduce import ablations, rollout_variants, variants
+from experiments.reproduce import workspace as workspaces
 from experiments.reproduce.ablations import DEFAULT_GAIL, DEFAULT_GAP, GAIL, GAP, Ablations
-from experiments.reproduce.rollout_variants import DEFAULT_ROLLOUTS, ROLLOUTS, WIDER, RolloutVariants
+from experiments.reproduce.rollout_variants import DEFAULT_ROLLOUTS, NO_LARGER, ROLLOUTS, WIDER, RolloutVariants
 from experiments.reproduce.variants import CONSTANT_VELOCITY, SHARE
 from experiments.reproduce.workspace import Options, Workspace
 from experiments.show.ablations import ablation_tables, gail_table, gap_table, lead_table, left_out_table, rollout_table
 from imitation.gail import PROFILES as GAIL_PROFILES
 from imitation.rollout_gradient import PROFILES as ROLLOUT_PROFILES
 from intersection_env.evaluation import intervals
+from intersection_env.maps.intersection import Intersection
 from intersection_env.policies.named import gap_decider
 from tests.support.scenes import small_scenes
 
@@ -46,6 +48,11 @@ def workspace(tmp_path: Path) -> Workspace:
     made.run_of("gap").mkdir(parents=True)
     (made.run_of("gap") / "gap.policy").write_text(made.policy("gap").read_text())
     return made
+
+
+def larger(places: Sequence[Intersection], folder: Path) -> list[tuple[Path, Path]]:
+    """Stands in for the simulation of larger places."""
+    return [(Path(f"{one.name}_150.npz"), Path(f"{one.name}_150.json")) for one in places]
 
 
 def driver(path: Path) -> None:
@@ -71,6 +78,7 @@ def trained(workspace: Workspace, monkeypatch: pytest.MonkeyPatch) -> Trainings:
     monkeypatch.setattr(variants, "run_trainings", train)
     monkeypatch.setattr(intervals, "RESAMPLES", 20)
     monkeypatch.setattr(rollout_variants, "wider_scenes", lambda places, folder: [Path("wider.npz")])
+    monkeypatch.setattr(workspaces, "larger_scenes", larger)
     monkeypatch.setattr(ablations, "LEAD_MOMENTS", 8)
     monkeypatch.setattr(lead_across, "STANDING", 50.0)  # in so few moments nobody stands
     torch.manual_seed(0)
@@ -80,7 +88,7 @@ def trained(workspace: Workspace, monkeypatch: pytest.MonkeyPatch) -> Trainings:
 
 def test_every_variant_is_trained_and_measured_once(workspace: Workspace, monkeypatch: pytest.MonkeyPatch) -> None:
     commands = trained(workspace, monkeypatch)
-    assert len(commands) == len(GAP) + len(GAIL) + len(ROLLOUTS) + 1
+    assert len(commands) == len(GAP) + len(GAIL) + len(ROLLOUTS) + 2
     results = json.loads((workspace.options.out / "ablations.json").read_text())
     assert list(results["gap"]) == [CONSTANT_VELOCITY, DEFAULT_GAP, *GAP]
     starts = "PPO alone, without GAIL", "the rollout gradient's driver, without GAIL"
@@ -94,9 +102,9 @@ def test_every_variant_is_trained_and_measured_once(workspace: Workspace, monkey
     assert gap_table(results["gap"]).count("\n") == 3 + len(GAP)
     assert gail_table(results["gail"]).count("\n") == 5 + len(GAIL)
     unchanged = f"{DEFAULT_ROLLOUTS}, seed 5"
-    assert list(results["rollout_gradient"]) == [CONSTANT_VELOCITY, unchanged, *ROLLOUTS, WIDER]
+    assert list(results["rollout_gradient"]) == [CONSTANT_VELOCITY, unchanged, *ROLLOUTS, WIDER, NO_LARGER]
     assert results["rollout_gradient"][CONSTANT_VELOCITY]["empty_road"] == 0.0
-    assert rollout_table(results["rollout_gradient"]).count("\n") == 4 + len(ROLLOUTS)
+    assert rollout_table(results["rollout_gradient"]).count("\n") == 5 + len(ROLLOUTS)
     assert results["left_out"] == {}, "there is one place only"
     assert len(ablation_tables(results).split("\n\n")) == 4
     del results["rollout_gradient"]
@@ -159,9 +167,11 @@ def test_variants_change_what_they_say_and_nothing_else(workspace: Workspace, mo
         {"huber": 1.0},
         {"gap_huber": 3.0},
         {},
+        {},
     ]
-    wider = tyro.extras.overridable_config_cli(ROLLOUT_PROFILES, args=commands[-1][1:])
-    assert wider.scenes == (Path("wider.npz"),)
+    usual = str(workspace.scenes_of(workspace.places[0]))
+    scenes = [command[command.index("--scenes") + 1 : command.index("--map")] for command in commands[-3:]]
+    assert scenes == [[usual, "bendplatz_150.npz"], ["wider.npz", "bendplatz_150.npz"], [usual]]
 
 
 def test_places_are_left_out_one_at_a_time_and_predicted_by_who_does_not_know_them(
@@ -181,6 +191,7 @@ def test_places_are_left_out_one_at_a_time_and_predicted_by_who_does_not_know_th
 
     monkeypatch.setattr(variants, "run_trainings", train)
     monkeypatch.setattr(rollout_variants, "wider_scenes", lambda places, folder: [Path("wider.npz")])
+    monkeypatch.setattr(workspaces, "larger_scenes", larger)
     monkeypatch.setattr(intervals, "RESAMPLES", 20)
     torch.manual_seed(0)
     found = RolloutVariants(made)
@@ -189,12 +200,14 @@ def test_places_are_left_out_one_at_a_time_and_predicted_by_who_does_not_know_th
         run.name.removeprefix("ablation_rollouts_"): command[command.index("--map") + 1 : command.index("--decider")]
         for run, command in told.items()
     }
-    assert all(places.pop(str(number)) == ["bendplatz", "t_junction"] for number in range(len(ROLLOUTS)))
+    both = ["bendplatz", "t_junction", "bendplatz_150.json", "t_junction_150.json"]
+    assert all(places.pop(str(number)) == both for number in range(len(ROLLOUTS)))
     assert places == {
-        "only_bendplatz": ["bendplatz"],
-        "without_bendplatz": ["t_junction"],
-        "without_t_junction": ["bendplatz"],
-        "wider": ["bendplatz", "t_junction"],
+        "only_bendplatz": ["bendplatz", "bendplatz_150.json"],
+        "without_bendplatz": ["t_junction", "t_junction_150.json"],
+        "without_t_junction": ["bendplatz", "bendplatz_150.json"],
+        "wider": both,
+        "no_larger": both[:2],
     }
     rows = found.left_out()
     assert list(rows) == ["bendplatz", "t_junction"]
