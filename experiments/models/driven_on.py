@@ -16,8 +16,8 @@ its hardest (5.5 m/s²), where the order needs it. Who cannot stop even so is ne
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Sequence
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -30,7 +30,8 @@ from data.sumo.demand import Driver
 from data.sumo.drive import SETTINGS
 from data.sumo.places import BENDPLATZ
 from data.sumo.tracks import FRAME_RATE
-from experiments.models.sumo_vehicles import Motions, follow, lane_at, libsumo, put
+from experiments.models.running_sumo import running_sumo
+from experiments.models.sumo_vehicles import Motions, follow, lane_at, put
 from experiments.models.surviving import surviving
 from intersection_env.constants import DT
 from intersection_env.maps.intersection import Intersection
@@ -109,18 +110,19 @@ class DriveOn:
             ModuleNotFoundError: libsumo is not installed.
             RuntimeError: libsumo is already running in this process.
         """
-        self._sumo = libsumo()
-        self._folder = tempfile.TemporaryDirectory()
-        self._files = {name: Path(self._folder.name) / f"{name}.xml" for name in ("signs", "order", "drivers")}
-        net_file.write(self._network, self._files["signs"])
-        net_file.write(sumo_network.without_signs(self._network), self._files["order"])
-        self._sumo.start(["sumo", "--net-file", str(self._files["signs"]), "--no-step-log"])
+        self._running = ExitStack()
+        self._sumo = self._running.enter_context(running_sumo(self._command))
         return self
 
     def __exit__(self, *_: object) -> None:
         """Ends SUMO."""
-        self._sumo.close()
-        self._folder.cleanup()
+        self._running.close()
+
+    def _command(self, folder: Path) -> list[str]:
+        self._files = {name: folder / f"{name}.xml" for name in ("signs", "order", "drivers")}
+        net_file.write(self._network, self._files["signs"])
+        net_file.write(sumo_network.without_signs(self._network), self._files["order"])
+        return ["sumo", "--net-file", str(self._files["signs"]), "--no-step-log"]
 
     def drive(self, job: Job, order: NDArray[np.int8] | None) -> Driven:
         """One run: the same for the same job and order, whatever was driven before.

@@ -12,8 +12,8 @@ libsumo crashes now and then, so `predictions` runs it in a process of its own.
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Sequence
+from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
 
@@ -23,7 +23,8 @@ from data.sumo import network as sumo_network
 from data.sumo.command import command_of
 from data.sumo.places import BENDPLATZ
 from experiments.models.from_trajectories import prediction_of_trajectories
-from experiments.models.sumo_vehicles import follow, libsumo, put
+from experiments.models.running_sumo import running_sumo
+from experiments.models.sumo_vehicles import follow, put
 from experiments.models.surviving import surviving
 from intersection_env.constants import STEPS
 from intersection_env.maps.intersection import Intersection
@@ -48,16 +49,17 @@ class SumoPredictor:
             ModuleNotFoundError: libsumo is not installed.
             RuntimeError: libsumo is already running in this process.
         """
-        self._sumo = libsumo()
-        self._folder = tempfile.TemporaryDirectory()
-        self._command = [*command_of(self._network, [], Path(self._folder.name)), "--collision.action", "none"]
-        self._sumo.start(self._command)
+        self._running = ExitStack()
+        self._sumo = self._running.enter_context(running_sumo(self._start))
         return self
 
     def __exit__(self, *_: object) -> None:
         """Ends SUMO."""
-        self._sumo.close()
-        self._folder.cleanup()
+        self._running.close()
+
+    def _start(self, folder: Path) -> list[str]:
+        self._command = [*command_of(self._network, [], folder), "--collision.action", "none"]
+        return self._command
 
     def predict(self, traffic: Traffic) -> Prediction:
         """The next 10 s, one scenario: the same for the same traffic, whatever was predicted before.

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
@@ -26,22 +25,6 @@ class Motions(NamedTuple):
     def within(self, steps: int) -> Motions:
         """The first so many steps."""
         return Motions(self.position[: steps + 1], self.speed[: steps + 1], self.present[: steps + 1])
-
-
-def libsumo() -> Any:
-    """The library, not yet started in this process.
-
-    Raises:
-        ModuleNotFoundError: it is not installed.
-        RuntimeError: it is already running here.
-    """
-    try:
-        library = importlib.import_module("libsumo")
-    except ModuleNotFoundError:
-        raise ModuleNotFoundError("sumo is not installed: pip install -e '.[sumo]'") from None
-    if library.isLoaded():
-        raise RuntimeError("libsumo is already running in this process, and there can be only one")
-    return library
 
 
 def put(sumo: Any, network: Network, traffic: Traffic, types: Sequence[str]) -> None:

@@ -410,6 +410,17 @@ def test_a_source_that_nobody_can_read_is_refused_by_the_name_that_was_asked_for
     assert "E_" in message
 
 
+def test_a_source_that_does_not_compile_is_not_written(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    aside = {"W_in": np.array([[0.0, 50.0], [1.0, 50.0]])}
+    monkeypatch.setattr("data.maps.source_of._decided", lambda source, *_: replace(source, stop_lines=aside))
+    write_commonroad_map(tmp_path / "map.xml", junction())
+    message = refused(tmp_path, capsys, tmp_path / "map.xml")
+    assert message.startswith(f"error: {tmp_path / 'out.json'}: ")
+    assert 'must cross the stop line of "W_in" once' in message
+
+
 def test_where_no_junction_can_be_used_each_is_named_with_its_reason(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

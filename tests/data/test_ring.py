@@ -15,6 +15,7 @@ from data.maps.ring import around, ring_of
 from data.maps.source_of import source_of
 from data.source_text import source_text
 from intersection_env import Intersection, Predictor, Traffic, Vehicle
+from intersection_env.maps.compiler import compile_map
 
 RADIUS, BESIDE, TURN = 15.0, 2.25, np.radians(33.0)
 ARMS = ("E", "N", "W", "S")
@@ -91,6 +92,10 @@ def test_every_arm_of_an_imported_roundabout_leads_back_to_itself_too(imported: 
     for _ in range(6):
         traffic = predictor.predict(traffic).traffic_at(10.0)
     assert not len(traffic)
+
+
+def test_the_file_holds_the_source_that_was_decided_on_to_the_last_digit(imported: Intersection) -> None:
+    assert compile_map(source_of(ring_map(), "ring", Circle(0.0, 0.0, 24.0)).source) == imported.text
 
 
 def test_imported_file_has_one_lane_for_each_stretch_of_the_ring(imported: Intersection, tmp_path: Path) -> None:
