@@ -83,6 +83,8 @@ nitpicky = True
 nitpick_ignore_regex = [("py:(class|exc|data|obj)", f"{ELSEWHERE}|{INSIDE}")]
 
 
+UNSEARCHED = ("experiments/results/report", "CHANGELOG")
+"""Pages that hold nearly every word, and would stand before those that answer."""
 COMMON_WORDS = ("env", "forecast")
 """Public names that in code on a page mostly stand for something else."""
 
@@ -127,6 +129,7 @@ def setup(app: Sphinx) -> None:
     app.connect("autodoc-process-signature", _as_written)
     app.connect("missing-reference", _public)
     app.connect("doctree-read", _link_names)
+    app.connect("doctree-read", _leave_out_of_search)
     app.connect("build-finished", _write_entrance)
 
 
@@ -163,6 +166,11 @@ def _link_names(app: Sphinx, doctree: nodes.document) -> None:
         where = {"refdomain": "py", "reftype": "obj", "reftarget": full, "refdoc": app.env.docname, "refexplicit": True}
         link = addnodes.pending_xref("", literal.deepcopy(), refwarn=True, **where)
         parent.replace(literal, link)
+
+
+def _leave_out_of_search(app: Sphinx, doctree: nodes.document) -> None:
+    if app.env.docname in UNSEARCHED:
+        app.env.metadata[app.env.docname]["nosearch"] = "true"
 
 
 def _write_entrance(app: Sphinx, exception: Exception | None) -> None:
