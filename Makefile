@@ -1,5 +1,5 @@
-# The commands of this project; `make help` lists them. `make demo` and `make test` each work as the first command on a
-# machine with Python 3.11+ and a C++ compiler.
+# The commands of this project; `make help` lists them. `make demo`, `make test` and `make docs` each work as the first
+# command on a machine with Python 3.11+ and a C++ compiler.
 
 PYTHON ?= python3
 VENV := .venv
@@ -13,7 +13,7 @@ MAP ?=
 MAPS := $(if $(MAP),--map $(MAP))
 SEEDS ?= 0 1 2
 
-.PHONY: help versions demo setup check test harden clients browser bench reproduce ablations real train gap maps recordings recorded statistics pages format clean
+.PHONY: help versions demo setup check test harden clients browser bench reproduce ablations real train gap maps recordings recorded statistics pages docs format clean
 
 help: ## these lines
 	@sed -nE 's/^([a-z]+):.*## (.*)/\1\t\2/p' $(MAKEFILE_LIST) | expand -t 14
@@ -32,7 +32,8 @@ check: setup ## ruff, mypy, clang-format
 test: setup ## all tests
 	$(RUN) -m pytest -n 2
 
-# The core made to fail: sanitizers, fuzzers, valgrind, clang, ARM64, a long soak; trainings shared by Ray; obedience.
+# The core made to fail: sanitizers, fuzzers, valgrind, clang, ARM64, a long soak; trainings shared by Ray; obedience;
+# and the documentation, which takes a minute.
 harden: setup ## sanitizers, fuzzing, valgrind, other compilers; needs more packages (CONTRIBUTING.md)
 	bash .ci/harden
 
@@ -105,6 +106,12 @@ pages: demo reproduce bench ## measures anew and makes the pages of docs/ that a
 	$(RUN) -m experiments.documentation.viewer
 	$(RUN) -m experiments.documentation.results
 
+# Read anew each time, since what Sphinx warned of once it does not say again.
+docs: $(VENV)/.docs ## the documentation as a site (out/docs/index.html): notebooks executed, links checked
+	rm -rf out/docs
+	$(RUN) -m sphinx -c docs -E -W --keep-going -n -q -d out/doctrees . out/docs
+	@echo "written: out/docs/index.html"
+
 format: setup ## formats Python and C++
 	$(VENV)/bin/ruff check --fix .
 	$(VENV)/bin/ruff format .
@@ -120,6 +127,10 @@ $(VENV)/.tools: constraints.txt
 
 $(VENV)/.package: $(VENV)/.tools pyproject.toml $(CORE)
 	$(PIP) --no-build-isolation -e '.[data,render]'
+	touch $@
+
+$(VENV)/.docs: $(VENV)/.package
+	$(PIP) --no-build-isolation -e '.[data,render,docs]'
 	touch $@
 
 $(VENV)/.development: $(VENV)/.package

@@ -22,6 +22,7 @@ class Vehicle(NamedTuple):
     """One vehicle, for people who write traffic by hand."""
 
     id: str
+    """Its name, each once in a traffic."""
     route: str
     """A route's id, as "SW-NE"."""
     position: float
@@ -29,8 +30,11 @@ class Vehicle(NamedTuple):
     speed: float
     """[m/s]"""
     length: float = 4.5
+    """[m]"""
     width: float = 1.8
+    """[m]"""
     max_speed: float = float("inf")
+    """A top speed of its own [m/s]; bicycles: 5."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,9 +9,10 @@ import base64
 import hashlib
 import json
 import re
-from importlib.resources import files
+from pathlib import Path
 from typing import Any
 
+PAGE = Path(__file__).parent / "page"
 KINDS = {
     "html": "text/html; charset=utf-8",
     "css": "text/css; charset=utf-8",
@@ -24,8 +25,7 @@ SCRIPT = '<script type="module" src="main.js"></script>'
 
 def page_files() -> dict[str, bytes]:
     """The content of every file of the page, by its name."""
-    folder = files("intersection_env.viewer").joinpath("page")
-    found = {entry.name: entry.read_bytes() for entry in folder.iterdir() if entry.name.rpartition(".")[2] in KINDS}
+    found = {entry.name: entry.read_bytes() for entry in PAGE.iterdir() if entry.suffix[1:] in KINDS}
     return dict(sorted(found.items()))
 
 

@@ -31,8 +31,9 @@ FIGURES = {
 
 
 def ranked(predictor: Predictor, asked: Asked) -> dict[str, Any]:
-    """The best orders and the most probable ones, of those that keep to what is assigned, and no intervention.
+    """The best orders and the most probable ones, of those that keep to what is assigned, and nothing but that.
 
+    Gains are against what is expected with what is assigned and nothing else: no intervention, where nothing is.
     `probability` is that of the order if nobody intervenes but as assigned, and null without a forecast; `atMost` is
     true where it is only known to be below that of those that are listed. `differs` are the pairs (first, second) in
     which an order is another than what happens without it.
@@ -40,7 +41,10 @@ def ranked(predictor: Predictor, asked: Asked) -> dict[str, Any]:
     traffic, given = asked.traffic, asked.priorities
     table = rank_maneuvers(predictor, traffic)
     likely = forecast(predictor, traffic, given) if predictor.core_policy.can_forecast else None
-    usual = crossing_order(traffic, predictor.predict(traffic, given))[0] if likely is None else likely.orders[0]
+    alone = predictor.predict(traffic, given) if likely is None else likely.prediction
+    usual = crossing_order(traffic, alone)[0] if likely is None else likely.orders[0]
+    if given.any():
+        table = _against(table, alone.time_loss, None if likely is None else likely.weight)
     orders = _orders(table, traffic)
     keeps = ((orders == given) | (given == 0)).all(axis=1) & table["intervention"].to_numpy(np.bool_)
     place = {} if likely is None else {order.tobytes(): k for k, order in enumerate(likely.orders)}
@@ -60,6 +64,32 @@ def ranked(predictor: Predictor, asked: Asked) -> dict[str, Any]:
         "orders": int(keeps.sum()),
         "leftOut": int(table.attrs["left_out"]),
     }
+
+
+def _against(table: pd.DataFrame, time_loss: NDArray[np.float32], weight: NDArray[np.float64] | None) -> pd.DataFrame:
+    """A ranking, its gains against these time losses (scenario, vehicle) and weights instead of no intervention.
+
+    Each row is one order, as all take instructions, and so has one time loss. How safe it is without is not said.
+    """
+    weight = np.ones(1) if weight is None else weight
+    losses = time_loss.sum(axis=1, dtype=np.float64)
+    none = ~table["intervention"].to_numpy(np.bool_)
+    total = np.where(none, weight @ losses, table["total_time_loss"])
+    gain = weight @ losses - total
+    more = (losses[:, None] - total > WORTHWHILE_GAIN).T @ weight
+    changed = {
+        "total_time_loss": total,
+        "worst_time_loss": np.where(none, weight @ time_loss.max(axis=1, initial=0.0), table["worst_time_loss"]),
+        "gain": gain,
+        "minimum_distance": table["minimum_distance"].mask(none),
+        "worth_executing": table["safe"] & (gain > WORTHWHILE_GAIN),
+    }
+    if "chance_worthwhile" in table:
+        changed |= {
+            "chance_worthwhile": np.where(none, 0.0, more),
+            "chance_unsafe": table["chance_unsafe"].mask(none),
+        }
+    return table.assign(**changed)
 
 
 def _orders(table: pd.DataFrame, traffic: Traffic) -> NDArray[np.int8]:

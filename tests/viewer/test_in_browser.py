@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Iterator
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -246,6 +247,33 @@ def test_nothing_is_cut_off(server: Server, width: int, height: int) -> None:
             "}).map((one) => one.outerHTML)"
         )
         assert wrong == []
+
+
+def test_a_narrow_window_has_one_part_below_the_other(server: Server) -> None:
+    with Browser(500, 900) as window:
+        window.open(server.address)
+        window.until(SETTLED)
+        assert window.run("return document.documentElement.scrollWidth <= innerWidth")
+        parts = ("#stage", "#controls", "#diagram-section", "#orders", "#vehicle")
+        script = (
+            "const box = document.querySelector(arguments[0]).getBoundingClientRect(); return [box.top, box.bottom]"
+        )
+        boxes = [window.run(script, part) for part in parts]
+        assert all(bottom - top > 25 for top, bottom in boxes)
+        assert all(above[1] <= below[0] for above, below in pairwise(boxes))
+        assert boxes[0][1] - boxes[0][0] > 300
+        assert window.said() == []
+
+
+def test_a_page_that_is_not_shown_complains_of_nothing(session: Session, window: Browser, tmp_path: Path) -> None:
+    """As in a frame that is not displayed, whose pictures have no size."""
+    export(session, tmp_path / "page.html")
+    (tmp_path / "frame.html").write_text('<iframe src="page.html" style="width: 0; height: 0"></iframe>')
+    window.said()
+    window.open((tmp_path / "frame.html").as_uri())
+    window.run("window.begin = performance.now()")
+    window.until("performance.now() - begin > 3000")
+    assert window.said() == []
 
 
 def test_an_exported_page_plays_without_a_server(session: Session, window: Browser, tmp_path: Path) -> None:

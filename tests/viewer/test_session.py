@@ -11,6 +11,7 @@ import pytest
 
 from intersection_env import Intersection, Predictor, Scenes, Traffic, Vehicle, forecast, rank_maneuvers
 from intersection_env.constants import DT
+from intersection_env.viewer.asked import asked
 from intersection_env.viewer.session import Place, Session
 
 DEFAULT = Predictor.load()
@@ -121,6 +122,36 @@ def test_an_assigned_pair_binds_prediction_and_ranking(session: Session) -> None
     place = answer["pairs"].index(pair)
     assert {row["priorities"][place] for row in bound["rows"]} == {1}
     assert {row["priorities"][place] for row in free["rows"]} == {-1, 1}
+
+
+def test_gains_with_an_assigned_pair_are_against_that_pair_alone(session: Session) -> None:
+    """What a planner asks for who has told one pair: what more would an order bring?"""
+    request = three() | {"assigned": [["side", "main"]]}
+    answer = session.answer("ranked", request)
+    given = asked(session.places["bendplatz"].intersection, None, request)
+    likely = forecast(DEFAULT, given.traffic, given.priorities)
+    losses = likely.prediction.time_loss.sum(axis=1, dtype=np.float64)
+    assert answer["none"]["loss"] == pytest.approx(float(likely.expected_time_loss().sum()), abs=1e-3)
+    assert answer["none"]["gain"] == 0.0
+    assert answer["none"]["loss"] != session.answer("ranked", three())["none"]["loss"]
+    for row in answer["rows"]:
+        assert row["gain"] == pytest.approx(answer["none"]["loss"] - row["loss"], abs=2e-3)
+        more = likely.weight @ (losses - row["loss"] > answer["worthwhileGain"])
+        assert row["worthwhile"] == pytest.approx(more, abs=1e-3)
+        assert row["worthExecuting"] == (row["safe"] and row["gain"] > answer["worthwhileGain"])
+
+
+def test_gains_of_a_policy_without_forecasts_are_against_its_one_prediction_of_what_is_assigned() -> None:
+    session = Session([Place(Intersection.load("bendplatz"))], Predictor.load("idm"))
+    request = three() | {"assigned": [["side", "main"]]}
+    answer = session.answer("ranked", request)
+    given = asked(session.places["bendplatz"].intersection, None, request)
+    loss = float(session.predictor.predict(given.traffic, given.priorities).time_loss.sum())
+    assert answer["none"]["loss"] == pytest.approx(loss, abs=1e-3)
+    assert answer["rows"]
+    for row in answer["rows"]:
+        assert row["gain"] == pytest.approx(loss - row["loss"], abs=2e-3)
+        assert row["worthwhile"] is None
 
 
 @pytest.mark.parametrize("name", ["roundabout", "all_way_stop", "crossroads", "t_junction", "bendplatz"])

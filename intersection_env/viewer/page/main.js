@@ -39,8 +39,8 @@ function picture(now) {
   due = false;
   if (panels.size) renderPanels();
   else controls.renderTime();
-  map.draw();
-  diagram.draw();
+  if (hasSize(camera)) map.draw();
+  if (hasSize(diagram)) diagram.draw();
   viewer.frames++;
 }
 
@@ -57,9 +57,15 @@ function renderPanels() {
 }
 
 function resize() {
+  const wasHidden = !hasSize(camera);
   camera.resize(canvas.clientWidth, canvas.clientHeight);
   diagram.resize();
+  if (wasHidden && viewer.road) fit();
   due = true;
+}
+
+function hasSize({ width, height }) { // not so in a frame that is not displayed
+  return width > 0 && height > 0;
 }
 
 new ResizeObserver(resize).observe(document.querySelector("main"));

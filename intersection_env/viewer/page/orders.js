@@ -77,7 +77,13 @@ export class Orders {
 
   table(ranking) {
     const most = Math.max(...ranking.rows.map((row) => Math.abs(row.gain)), ranking.worthwhileGain);
-    const heads = ["", "order", ["gain", "expected time saved by all together, against no intervention"], ["probability", "if nobody intervenes"], ["safe", ""]];
+    const besides = this.viewer.assigned.length ? "but as assigned" : "";
+    const heads = [
+      "", "order",
+      ["gain", `expected time saved by all together, against ${besides ? "what is assigned alone" : "no intervention"}`],
+      ["probability", `if nobody intervenes ${besides}`],
+      ["safe", ""],
+    ];
     const head = heads.map((one) => {
       const [text, title] = Array.isArray(one) ? one : [one, ""];
       return make("th", { scope: "col", title, class: ["gain", "probability"].includes(text) ? "number" : "" }, text);
@@ -87,14 +93,14 @@ export class Orders {
     return make("table", {}, make("thead", {}, make("tr", {}, ...head)), make("tbody", {}, none, ...rows));
   }
 
-  // Without any order; what is assigned has no figures of its own.
+  // Without any order but what is assigned, against which gains are.
   noneRow({ none }) {
     const bound = this.viewer.assigned.length > 0;
     const words = bound ? "nothing but what is assigned" : "no intervention";
     return this.line(null, [
       make("td", {}, "–"),
-      make("td", {}, words, bound ? null : make("div", { class: "swaps" }, `${none.loss.toFixed(1)} s lost by all together`)),
-      make("td", { class: "number" }, bound ? "" : "0.0 s"),
+      make("td", {}, words, make("div", { class: "swaps" }, `${none.loss.toFixed(1)} s lost by all together`)),
+      make("td", { class: "number" }, "0.0 s"),
       make("td"),
       make("td"),
     ]);
