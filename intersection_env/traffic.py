@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from intersection_env import _core
+from intersection_env.arguments import check_type
 from intersection_env.maps.intersection import Intersection
 
 FLOAT_FIELDS = ("position", "speed", "length", "width", "max_speed")
@@ -136,10 +137,17 @@ class Traffic:
 
     @classmethod
     def of(cls, intersection: Intersection, vehicles: Iterable[Vehicle]) -> Traffic:
-        """The traffic of vehicles written by hand."""
+        """The traffic of vehicles written by hand.
+
+        Raises:
+            TypeError: no loaded intersection, or what is no vehicle.
+            ValueError: no such route, or a value out of range.
+        """
         if not isinstance(intersection, Intersection):
             raise TypeError(f"intersection is {intersection!r}; wanted an Intersection (Intersection.load)")
         rows = list(vehicles)
+        for row in rows:
+            check_type("vehicles holds an entry that", row, Vehicle)
         columns: dict[str, Any] = {
             name: np.array([getattr(row, name) for row in rows], dtype=np.float32) for name in FLOAT_FIELDS
         }

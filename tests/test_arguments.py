@@ -139,6 +139,12 @@ def test_a_traffic_wants_a_loaded_map() -> None:
         Traffic.of("bendplatz", [Vehicle("a", "SE-NW", 90.0, 5.0)])  # type: ignore[arg-type]
 
 
+@pytest.mark.parametrize("vehicle", ["a", ("a", "SE-NW", 95.0, 12.0)])
+def test_a_traffic_wants_vehicles(vehicle: Any) -> None:
+    with pytest.raises(TypeError, match=f"an entry that is of type {type(vehicle).__name__}; wanted a Vehicle"):
+        Traffic.of(Intersection.load("bendplatz"), [vehicle])
+
+
 def test_nobody_is_advised_to_unpickle(tmp_path: Path) -> None:
     np.save(tmp_path / "objects.npy", np.array([{}], dtype=object))
     np.savez(tmp_path / "objects.npz", header=np.array([{}], dtype=object))

@@ -22,7 +22,10 @@ def places_of(scenes: Sequence[Path], maps: Sequence[str], split: str) -> tuple[
     names = ", ".join(map(str, scenes))
     if not recordings:
         splits = sorted({scene.split for place in places for scene in place})
-        raise ValueError(f'{names}: no scene of split "{split}"; there are scenes of {", ".join(splits) or "none"}')
+        raise ValueError(
+            f'{names}: no scene of split "{split}"; there are scenes of {", ".join(splits) or "none"}'
+            " (python -m data.build divides three recordings or more)"
+        )
     if len(recordings) == 1:
         print(
             f'{names}: of split "{split}" there is one recording ({min(recordings)}); intervals are over recordings,'

@@ -95,7 +95,8 @@ class MapSource:
         name = check_name(content.get("name"))
         arms = {key: read_arm(key, value) for key, value in entries(content, "arms").items()}
         lanes = {key: read_lane(key, value) for key, value in entries(content, "lanes").items()}
-        stop_lines = {key: read_stop_line(key, value, lanes) for key, value in entries(content, "stop_lines").items()}
+        painted = entries({"stop_lines": {}} | content, "stop_lines")  # approaches without one end at theirs
+        stop_lines = {key: read_stop_line(key, value, lanes) for key, value in painted.items()}
         routes = tuple(read_route(key, value, arms, lanes) for key, value in entries(content, "routes").items())
         if not routes:
             raise ValueError('"routes" is empty')

@@ -35,7 +35,9 @@ def entries(content: dict[str, Any], key: str) -> dict[str, Any]:
     Raises:
         ValueError: no object stands there.
     """
-    value = content.get(key)
+    if key not in content:
+        raise ValueError(f'"{key}" is missing; wanted an object')
+    value = content[key]
     if not isinstance(value, dict):
         raise ValueError(f'"{key}" must be an object, not {type(value).__name__}')
     return value

@@ -282,10 +282,13 @@ class Predictor:
             levels: above 0 and below 1, one or (vehicle,); 0.5 is the median, uniform random ones are a draw.
 
         Raises:
-            ValueError: no network decides about gaps; or a level out of range.
+            ValueError: no network decides about gaps; or levels of another shape, or out of range.
         """
         check_type("traffic", traffic, Traffic)
-        each = np.ascontiguousarray(np.broadcast_to(np.asarray(levels, np.float64), len(traffic)))
+        given = np.asarray(levels, np.float64)
+        if given.shape not in ((), (len(traffic),)):
+            raise ValueError(f"levels must be one number or have shape ({len(traffic)},), not {given.shape}")
+        each = np.ascontiguousarray(np.broadcast_to(given, len(traffic)))
         return self.bound_to(traffic.intersection).patience(traffic.core, each)
 
     def __repr__(self) -> str:

@@ -76,8 +76,9 @@ def map_of_scenes_file(path: Path) -> tuple[str, str]:
     Raises:
         ValueError: as of `read_scenes_file`.
     """
+    arrays = _arrays(path, only=("header",))
     try:
-        header = _header(_arrays(path, only=("header",)).get("header"))
+        header = _header(arrays.get("header"))
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
     return header["map"]["name"], header["map"]["checksum"]

@@ -107,3 +107,14 @@ def test_pairs_of_which_nobody_yields_are_left_open_in_encounters(tmp_path: Path
     open_ = [one for one in encounters(source) if one.first_yields is None]
     for one in open_:
         assert {one.first.entry, one.second.entry} == {"W", "E"}
+
+
+@pytest.mark.parametrize("key", ["about", "locations", "stop_lines", "yields", "free"])
+def test_what_a_source_need_not_name_may_be_left_out(tmp_path: Path, key: str) -> None:
+    compiled(changed(tmp_path, lambda content: content.pop(key, None)))
+
+
+@pytest.mark.parametrize("key", ["arms", "lanes", "routes"])
+def test_a_source_without_what_makes_a_map_is_refused_by_the_key_that_is_missing(tmp_path: Path, key: str) -> None:
+    with pytest.raises(ValueError, match=f'"{key}" is missing; wanted an object'):
+        changed(tmp_path, lambda content: content.pop(key))

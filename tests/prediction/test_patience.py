@@ -149,3 +149,9 @@ def test_malformed_patience_is_refused(patience: Any, error: type[Exception], me
     traffic = Traffic.of(T, [Vehicle("x", "W-E", 50, 5), Vehicle("y", "W-E", 100, 5)])
     with pytest.raises(error, match=message):
         replace(traffic, patience=patience)
+
+
+def test_levels_that_are_not_one_a_vehicle_are_refused() -> None:
+    traffic = busy()
+    with pytest.raises(ValueError, match=rf"levels must be one number or have shape \({len(traffic)},\), not \(2,\)"):
+        Predictor.load("gap").patience_of(traffic, [0.5, 0.5])

@@ -87,5 +87,6 @@ def test_what_is_wrong_with_scenes_and_maps_is_said(own: tuple[Path, Path], smal
     with pytest.raises(FileNotFoundError, match='"nowhere": no scenes file at this path'):
         load_places(["nowhere"])
     (tmp_path / "damaged.npz").write_bytes(path.read_bytes()[:500])
-    with pytest.raises(ValueError, match=r"damaged\.npz: not a scenes file"):
+    with pytest.raises(ValueError, match=r"damaged\.npz: not a scenes file") as refused:
         load_places([tmp_path / "damaged.npz"])
+    assert str(refused.value).count("damaged.npz") == 1
