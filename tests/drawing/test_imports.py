@@ -12,7 +12,8 @@ import pytest
 from tests.support.paths import PACKAGE
 
 ROOMS = {
-    "maps": "curve source meeting route shared right_of_way conflicts compiler intersection limits outline __main__",
+    "maps": "name curve source_values source_entries source meeting route shared right_of_way conflicts compiler "
+    "intersection limits outline __main__",
     "plots": "files colours lanes map_labels map_plot prediction_plot forecast_plot animation __main__",
     "render": "snapshot camera ink road_layer traffic_layer renderer of_worlds",
     "envs": "actions spaces view central_state spec closed_loop replay replay_vector variants",
