@@ -33,6 +33,8 @@ class ReplayVector(VectorEnv[Array, Array, Array]):
     """Many worlds of `Replay`, stepped at once by the core.
 
     ```python
+    import gymnasium
+
     envs = gymnasium.make_vec("intersection_env/Replay-v0", num_envs=64)
     ```
 

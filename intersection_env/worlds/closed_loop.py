@@ -18,7 +18,7 @@ class ClosedLoopWorlds(Worlds):
     """Worlds in which every vehicle acts; whoever leaves is reinserted.
 
     Attributes:
-        action: (world, vehicle) in [-1, 1], to be written; times 6 m/s².
+        action: (world, vehicle) in [-1, 1], to be written; times 6 m/s². Not checked, unlike in an environment: clip.
         observation: (world, vehicle, 12), the features of `intersection_env.ClosedLoop` in their units.
         final_observation: (world, vehicle, 12), the last ones of an episode or before a reinsertion; valid where
             terminated, truncated or reinserted.

@@ -21,7 +21,7 @@ class ReplayWorlds(Worlds):
 
     Attributes:
         tracks: the recorded tracks; `track` is an index into them.
-        action: (world,) in [-1, 1], to be written; times 6 m/s².
+        action: (world,) in [-1, 1], to be written; times 6 m/s². Not checked, unlike in an environment: clip.
         observation, final_observation: (world, 12), as in `ClosedLoopWorlds`; the latter where terminated or truncated.
         reward: (world,); paper, Table II.
         terminated, truncated: (world,) bool.
