@@ -108,12 +108,16 @@ def shifted(source: MapSource, shifts: Mapping[str, LaneShift]) -> MapSource:
         shift = shifts.get(inside_of(route.id))
         if shift is not None and route.inside is not None:
             moved = _moved(Lane(route.inside, np.ones(len(route.inside))), shift).points
-            (points,) = on_grid(moved)
-            route = replace(
-                route, inside=telling(least_bent(points, np.full(len(points), EASED)), np.ones(len(points)))[0]
-            )
+            route = replace(route, inside=_eased(moved))
         routes.append(route)
     return replace(source, lanes=lanes, routes=tuple(routes) if drawn else source.routes)
+
+
+def _eased(way: Points) -> Points:
+    """A way inside the junction, straightened a little."""
+    (points,) = on_grid(way)
+    eased, _ = telling(least_bent(points, np.full(len(points), EASED)), np.ones(len(points)))
+    return np.round(eased, DECIMALS) + 0.0
 
 
 def _smoothed(

@@ -167,6 +167,19 @@ def test_they_move_equally_far_where_the_map_allows_no_more(tmp_path: Path) -> N
     assert lanes["W_far"].points[-1] == pytest.approx(lanes["W_in"].points[0], abs=0.03)
 
 
+def test_ways_inside_are_moved_to_the_centimetre_too() -> None:
+    """As the file will hold them: what is tried must be what is written."""
+    source = MapSource.read(TRUE)
+    angle = np.linspace(0.0, 0.5 * np.pi, 30)
+    bend = np.stack([-11.0 + 9.4 * np.sin(angle), -1.65 - 9.4 * (1.0 - np.cos(angle))], axis=1)
+    routes = tuple(replace(one, inside=bend) if one.id == "W-S" else one for one in source.routes)
+    aside = LaneShift(5, along(bend)[[0, -1]], np.array([0.3, 0.4]))
+    moved = shifted(replace(source, routes=routes), {"inside W-S": aside}).routes
+    (inside,) = (one.inside for one in moved if one.id == "W-S")
+    assert inside is not None
+    assert np.array_equal(inside, np.round(inside, 2))
+
+
 def test_one_car_off_the_way_does_not_move_a_lane() -> None:
     source = MapSource.read(TRUE)
     intersection = Intersection.load("t_junction")
