@@ -99,8 +99,11 @@ class Trainings:
         run_module("agents.idm", *arguments)
 
     def _larger(self) -> None:
+        made = self.workspace.larger_made
+        if made.parent.exists():  # of other maps, or other sizes: what is there is not made again
+            shutil.rmtree(made.parent)
         files = self.workspace.larger(self.workspace.places)
-        write_result(self.workspace.larger_made, {one.name: file_hash(one) for pair in files for one in pair})
+        write_result(made, {one.name: file_hash(one) for pair in files for one in pair})
 
     def _rollout_gradient(self) -> None:
         decider, teacher = (str(self.workspace.policy(name)) for name in ("gap", "idm_calibrated"))
