@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
 from matplotlib.patches import Rectangle
 from PIL import Image
 
@@ -73,7 +74,9 @@ def test_map_names_every_route_beside_its_own_centreline(intersection: Intersect
 
 def test_names_of_arms_stay_within_the_picture(intersection: Intersection) -> None:
     axes = plot_map(intersection)
-    axes.get_figure(root=True).draw_without_rendering()
+    figure = axes.get_figure(root=True)
+    assert figure is not None
+    figure.draw_without_rendering()
     frame = axes.get_window_extent()
     boxes = [text.get_window_extent() for text in axes.texts if text.get_text().startswith("from ")]
     assert len(boxes) == len({route.entry for route in intersection.routes})
@@ -232,9 +235,10 @@ def test_an_id_beside_the_first_conflict_is_not_struck_through(bendplatz: Inters
     figure.draw_without_rendering()
     axes = figure.axes[0]
     (own,) = [one.get_window_extent() for one in axes.texts if one.get_text() == "a"]
-    line = axes.transData.transform(axes.collections[0].get_segments()[0])
-    assert own.y0 < line[0, 1] < own.y1
-    assert own.x1 < line[0, 0]
+    (line,) = [one for one in axes.collections if isinstance(one, LineCollection)]
+    begin = axes.transData.transform(line.get_segments()[0])[0]
+    assert own.y0 < begin[1] < own.y1
+    assert own.x1 < begin[0]
 
 
 def test_ids_lose_the_recording_only_if_all_have_the_same(bendplatz: Intersection) -> None:
