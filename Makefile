@@ -52,7 +52,7 @@ bench: $(VENV)/.bench ## times all beside others' work; AGAINST=revision: beside
 	$(RUN) -m experiments.bench$(if $(AGAINST),.against $(AGAINST))
 
 maps: setup ## compiles the maps that ship
-	$(RUN) -m intersection_env.maps
+	$(RUN) -m intersection_env.maps --shipped
 
 recordings: setup ## simulates the recordings that ship
 	$(RUN) -m data.sumo

@@ -21,7 +21,8 @@ from intersection_env import (
     forecast,
     rank_maneuvers,
 )
-from intersection_env.maps.__main__ import main as compile_maps
+from intersection_env.maps import __main__ as compiling
+from intersection_env.maps.intersection import MAPS
 from intersection_env.policies.named import gap_decider
 from intersection_env.traffic import Traffic, Vehicle
 
@@ -57,10 +58,26 @@ def test_a_file_that_is_not_there_is_named_beside_what_ships(name: str, file: st
 
 
 def test_a_source_to_compile_that_is_not_there_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert compile_maps([str(tmp_path / "nope.json")]) == 1
+    assert compiling.main([str(tmp_path / "nope.json")]) == 1
     said = capsys.readouterr().err
     assert str(tmp_path / "nope.json") in said
     assert "Errno" not in said
+
+
+def test_maps_that_ship_are_compiled_anew_only_where_that_is_asked_for(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    source = tmp_path / "t_junction.json"
+    source.write_bytes((MAPS / "t_junction.json").read_bytes())
+    monkeypatch.setattr(compiling, "MAPS", tmp_path)
+    for arguments in ([], ["--shipped", str(source)]):
+        with pytest.raises(SystemExit) as ended:
+            compiling.main(arguments)
+        assert ended.value.code == 2
+        assert "--shipped" in capsys.readouterr().err
+        assert list(tmp_path.iterdir()) == [source]
+    assert compiling.main(["--shipped"]) == 0
+    assert source.with_suffix(".map").read_bytes() == (MAPS / "t_junction.map").read_bytes()
 
 
 @pytest.mark.parametrize("make", [Replay, lambda **options: ReplayVector(4, **options)])

@@ -15,10 +15,11 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 BEFORE_JUNCTION, BESIDE_LANE = 6.0, 2.5  # [m], where the name of an arm begins
+MOST_IN_A_LINE = 3  # routes that are named in one line; more would reach over the picture's border
 
 
 def draw_arm_labels(axes: Axes, intersection: Intersection) -> None:
-    """Names each arm at the side of its approach, with the routes of each lane in one line."""
+    """Names each arm at the side of its approach, with the routes of each lane in lines of their own."""
     for arm, colour in arm_colours(intersection).items():
         routes = [route for route in intersection.routes if route.entry == arm]
         lanes: dict[int, list[str]] = {}
@@ -33,7 +34,7 @@ def draw_arm_labels(axes: Axes, intersection: Intersection) -> None:
         axes.text(
             x,
             y,
-            "\n".join([f"from {arm}", *(", ".join(ids) for ids in lanes.values())]),
+            "\n".join([f"from {arm}", *(", ".join(ids) for lane in lanes.values() for ids in _lines(lane))]),
             color=colour,
             fontsize=8.5,
             linespacing=1.35,
@@ -41,6 +42,12 @@ def draw_arm_labels(axes: Axes, intersection: Intersection) -> None:
             va="bottom" if north > 0.0 else "top",
             zorder=5.0,
         )
+
+
+def _lines(ids: list[str]) -> list[list[str]]:
+    """A lane's routes in lines that stay beside its arm: one, or two of the same length."""
+    middle = len(ids) if len(ids) <= MOST_IN_A_LINE else (len(ids) + 1) // 2
+    return [line for line in (ids[:middle], ids[middle:]) if line]
 
 
 def _to_the_right(intersection: Intersection, routes: list[Route]) -> NDArray[np.float64]:

@@ -87,7 +87,7 @@ def _draw_positions(axes: Axes, prediction: Prediction, changed: set[int]) -> No
     traffic = prediction.traffic
     past = np.ma.masked_array(past_conflict(traffic, prediction.position[0]), ~prediction.present[0])
     conflicting = _conflicting(traffic)
-    axes.axhline(0.0, color=INK, linewidth=0.8, zorder=1.0)
+    axes.hlines(0.0, 0.0, float(prediction.time[-1]), color=INK, linewidth=0.8, zorder=1.0)  # ids stand before it
     for i in range(len(traffic)):
         colour = route_colour(traffic.intersection, int(traffic.route[i])) if i in conflicting else PALE
         width = 2.4 if i in changed else 1.2 if i in conflicting else 0.8

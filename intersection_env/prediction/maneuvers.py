@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -101,6 +101,30 @@ def rank_maneuvers(
     """
     import pandas as pd
 
+    columns, left_out = ranked_arrays(predictor, traffic, cooperative, limit=limit, seconds=seconds, by=by)
+    priorities = columns.pop("priorities")
+    order = np.array(in_words(traffic, priorities), dtype=object)
+    order[~columns["intervention"]] = "no intervention"
+    table = pd.DataFrame({"order": order, **columns, "priorities": list(priorities)})
+    table = table[[name for name in COLUMNS if name in table]]
+    table.attrs["left_out"] = left_out
+    return table
+
+
+def ranked_arrays(
+    predictor: Predictor,
+    traffic: Traffic,
+    cooperative: Collection[str] | None = None,
+    *,
+    limit: int | Literal["cycle"] | None = "cycle",
+    seconds: float | None = None,
+    by: Literal["expectation", "prediction"] | None = None,
+) -> tuple[dict[str, NDArray[Any]], int]:
+    """The columns of `rank_maneuvers` but for the words, (row,), `priorities` (row, pair); and how many were left out.
+
+    Raises:
+        TypeError, ValueError: as in `rank_maneuvers`.
+    """
     check_type("predictor", predictor, Predictor)
     check_type("traffic", traffic, Traffic)
     most = _most(limit)
@@ -114,13 +138,7 @@ def rank_maneuvers(
     columns, left_out = _core.rank_maneuvers(bound, traffic.core, flags, most, spent, by_expectation)
     if not by_expectation:
         del columns["chance_worthwhile"], columns["chance_unsafe"]
-    priorities = columns.pop("priorities")
-    order = np.array(in_words(traffic, priorities), dtype=object)
-    order[~columns["intervention"]] = "no intervention"
-    table = pd.DataFrame({"order": order, **columns, "priorities": list(priorities)})
-    table = table[[name for name in COLUMNS if name in table]]
-    table.attrs["left_out"] = left_out
-    return table
+    return columns, left_out
 
 
 def _most(limit: int | Literal["cycle"] | None) -> int | None:

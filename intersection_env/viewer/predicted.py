@@ -96,7 +96,10 @@ def _waits(shown: Prediction, order: NDArray[np.int8]) -> Iterator[list[list[int
         pairs = awaited.setdefault((start.ids[yielder], start.ids[prioritized]), [])
         pairs.append([yielder, prioritized][::-way])
     for step, time in enumerate(shown.time):
-        now = shown.traffic_at(float(time))
         held = ~shown.enters[0, step]
+        if not (held & shown.present[0, step]).any():
+            yield []
+            continue
+        now = shown.traffic_at(float(time))
         found = [pair for a, b in now.conflicts for pair in awaited[now.ids[a], now.ids[b]] if held[pair[0]]]
         yield [list(pair) for pair in dict.fromkeys(map(tuple, found))]

@@ -2,22 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from intersection_env.prediction.forecast import Forecast, forecast
-from intersection_env.prediction.maneuvers import WORTHWHILE_GAIN, rank_maneuvers
+from intersection_env.prediction.maneuvers import WORTHWHILE_GAIN, in_words, ranked_arrays
 from intersection_env.prediction.measures import crossing_order
 from intersection_env.prediction.predictor import Predictor
 from intersection_env.traffic import Traffic
 from intersection_env.viewer.asked import Asked
 
-if TYPE_CHECKING:
-    import pandas as pd
-
+Columns = dict[str, NDArray[Any]]
 FIRST, PROBABLE = 30, 12  # ours: rows that are listed by gain, and by probability: what somebody may read
 FIGURES = {
     "gain": "gain",
@@ -39,82 +36,86 @@ def ranked(predictor: Predictor, asked: Asked) -> dict[str, Any]:
     which an order is another than what happens without it.
     """
     traffic, given = asked.traffic, asked.priorities
-    table = rank_maneuvers(predictor, traffic)
+    columns, left_out = ranked_arrays(predictor, traffic)
     likely = forecast(predictor, traffic, given) if predictor.core_policy.can_forecast else None
     alone = predictor.predict(traffic, given) if likely is None else likely.prediction
     usual = crossing_order(traffic, alone)[0] if likely is None else likely.orders[0]
     if given.any():
-        table = _against(table, alone.time_loss, None if likely is None else likely.weight)
-    orders = _orders(table, traffic)
-    keeps = ((orders == given) | (given == 0)).all(axis=1) & table["intervention"].to_numpy(np.bool_)
+        columns = _against(columns, alone.time_loss, None if likely is None else likely.weight)
+    orders, intervenes = columns["priorities"], columns["intervention"]
+    keeps = ((orders == given) | (given == 0)).all(axis=1) & intervenes
+    listed = _listed(orders, keeps, likely)
     place = {} if likely is None else {order.tobytes(): k for k, order in enumerate(likely.orders)}
-    probable = np.array([place.get(order.tobytes(), len(place)) for order in orders], np.int64)
-    chosen = np.flatnonzero(keeps)
-    listed = np.unique([*chosen[:FIRST], *chosen[probable[chosen] < min(PROBABLE, len(place))]]).astype(int).tolist()
+    words = in_words(traffic, orders[listed])
     rows = [
-        _row(row, figures, traffic, orders[row], usual) | _probability(likely, int(probable[row]))
-        for row, figures in zip(listed, table.iloc[listed].to_dict("records"), strict=True)
+        {
+            "rank": row + 1,
+            "order": sentence.split(", "),
+            **_row(columns, row, traffic, usual),
+            **_probability(likely, place.get(orders[row].tobytes(), len(place))),
+        }
+        for row, sentence in zip(listed, words, strict=True)
     ]
-    none = table[~table["intervention"]].to_dict("records")[0]
     return {
         "by": "prediction" if likely is None else "expectation",
         "worthwhileGain": WORTHWHILE_GAIN,
-        "none": _figures(none),
+        "none": _figures(columns, int(np.flatnonzero(~intervenes)[0])),
         "rows": rows,
         "orders": int(keeps.sum()),
-        "leftOut": int(table.attrs["left_out"]),
+        "leftOut": left_out,
     }
 
 
-def _against(table: pd.DataFrame, time_loss: NDArray[np.float32], weight: NDArray[np.float64] | None) -> pd.DataFrame:
+def _against(columns: Columns, time_loss: NDArray[np.float32], weight: NDArray[np.float64] | None) -> Columns:
     """A ranking, its gains against these time losses (scenario, vehicle) and weights instead of no intervention.
 
     Each row is one order, as all take instructions, and so has one time loss. How safe it is without is not said.
     """
     weight = np.ones(1) if weight is None else weight
     losses = time_loss.sum(axis=1, dtype=np.float64)
-    none = ~table["intervention"].to_numpy(np.bool_)
-    total = np.where(none, weight @ losses, table["total_time_loss"])
+    none = ~columns["intervention"]
+    total = np.where(none, weight @ losses, columns["total_time_loss"])
     gain = weight @ losses - total
-    more = (losses[:, None] - total > WORTHWHILE_GAIN).T @ weight
     changed = {
         "total_time_loss": total,
-        "worst_time_loss": np.where(none, weight @ time_loss.max(axis=1, initial=0.0), table["worst_time_loss"]),
+        "worst_time_loss": np.where(none, weight @ time_loss.max(axis=1, initial=0.0), columns["worst_time_loss"]),
         "gain": gain,
-        "minimum_distance": table["minimum_distance"].mask(none),
-        "worth_executing": table["safe"] & (gain > WORTHWHILE_GAIN),
+        "minimum_distance": np.where(none, np.nan, columns["minimum_distance"]),
+        "worth_executing": columns["safe"] & (gain > WORTHWHILE_GAIN),
     }
-    if "chance_worthwhile" in table:
+    if "chance_worthwhile" in columns:
+        more = (losses[:, None] - total > WORTHWHILE_GAIN).T @ weight
         changed |= {
             "chance_worthwhile": np.where(none, 0.0, more),
-            "chance_unsafe": table["chance_unsafe"].mask(none),
+            "chance_unsafe": np.where(none, np.nan, columns["chance_unsafe"]),
         }
-    return table.assign(**changed)
+    return columns | changed
 
 
-def _orders(table: pd.DataFrame, traffic: Traffic) -> NDArray[np.int8]:
-    return np.stack(table["priorities"].tolist()).reshape(len(table), len(traffic.conflicts))
+def _listed(orders: NDArray[np.int8], keeps: NDArray[np.bool_], likely: Forecast | None) -> list[int]:
+    """The rows that the page lists, of those that keep to what is assigned."""
+    rows = set(np.flatnonzero(keeps)[:FIRST].tolist())
+    for order in [] if likely is None else likely.orders[:PROBABLE]:
+        rows.update(np.flatnonzero((orders == order).all(axis=1) & keeps).tolist())
+    return sorted(rows)
 
 
-def _row(
-    row: int, figures: Mapping[Any, Any], traffic: Traffic, order: NDArray[np.int8], usual: NDArray[np.int8]
-) -> dict[str, Any]:
+def _row(columns: Columns, row: int, traffic: Traffic, usual: NDArray[np.int8]) -> dict[str, Any]:
+    order = columns["priorities"][row]
     other = np.where(order != usual, order, 0).astype(np.int8)
     return {
-        "rank": row + 1,
-        "order": figures["order"].split(", "),
         "priorities": order.tolist(),
         "differs": [list(pair) for pair in dict.fromkeys(traffic.words(other))],
-        "followed": bool(figures["followed"]),
-        "safe": bool(figures["safe"]),
-        "worthExecuting": bool(figures["worth_executing"]),
-        **_figures(figures),
+        "followed": bool(columns["followed"][row]),
+        "safe": bool(columns["safe"][row]),
+        "worthExecuting": bool(columns["worth_executing"][row]),
+        **_figures(columns, row),
     }
 
 
-def _figures(figures: Mapping[Any, Any]) -> dict[str, float | None]:
+def _figures(columns: Columns, row: int) -> dict[str, float | None]:
     """Numbers of a row; null where the ranking has none, or an infinite one."""
-    found = {name: float(figures[column]) for name, column in FIGURES.items() if column in figures}
+    found = {name: float(columns[column][row]) for name, column in FIGURES.items() if column in columns}
     return dict.fromkeys(FIGURES) | {name: round(one, 3) for name, one in found.items() if np.isfinite(one)}
 
 

@@ -111,6 +111,7 @@ class Handler(BaseHTTPRequestHandler):
     protocol_version = "HTTP/1.1"
     server_version, sys_version = "intersection_env", ""
     timeout = PATIENCE
+    disable_nagle_algorithm = True  # or a body waits 40 ms for the word that its head has come
 
     def do_GET(self) -> None:
         """The files of the page, by their names."""

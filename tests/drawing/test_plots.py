@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
 from matplotlib.patches import Rectangle
 from PIL import Image
 
@@ -69,6 +70,18 @@ def test_map_names_every_route_beside_its_own_centreline(intersection: Intersect
     for route in intersection.routes:
         distance = np.linalg.norm(route.samples[:, XY] - np.array(places[route.id]), axis=1)
         assert distance.min() < 1.0
+
+
+def test_names_of_arms_stay_within_the_picture(intersection: Intersection) -> None:
+    axes = plot_map(intersection)
+    figure = axes.get_figure(root=True)
+    assert figure is not None
+    figure.draw_without_rendering()
+    frame = axes.get_window_extent()
+    boxes = [text.get_window_extent() for text in axes.texts if text.get_text().startswith("from ")]
+    assert len(boxes) == len({route.entry for route in intersection.routes})
+    assert all(frame.x0 <= box.x0 and box.x1 <= frame.x1 for box in boxes)
+    assert all(frame.y0 <= box.y0 and box.y1 <= frame.y1 for box in boxes)
 
 
 def test_map_marks_a_pga_for_every_conflict_where_the_yielder_reaches_it(intersection: Intersection) -> None:
@@ -212,6 +225,20 @@ def test_ids_of_vehicles_that_start_abreast_do_not_overlap(bendplatz: Intersecti
     assert len(boxes) == 6
     spans = sorted((box.y0, box.y1) for box in boxes)
     assert all(below[1] <= above[0] for below, above in pairwise(spans))
+
+
+def test_an_id_beside_the_first_conflict_is_not_struck_through(bendplatz: Intersection) -> None:
+    route = bendplatz.routes[bendplatz.route_index("SE-NW")]
+    vehicles = [Vehicle("a", "SE-NW", route.first_conflict - 2.25, 0.0), Vehicle("b", "NW-NE", 120.0, 8.0)]
+    prediction = Predictor.load("idm").predict(Traffic.of(bendplatz, vehicles))
+    figure = plot_positions(prediction, prediction)
+    figure.draw_without_rendering()
+    axes = figure.axes[0]
+    (own,) = [one.get_window_extent() for one in axes.texts if one.get_text() == "a"]
+    (line,) = [one for one in axes.collections if isinstance(one, LineCollection)]
+    begin = axes.transData.transform(line.get_segments()[0])[0]
+    assert own.y0 < begin[1] < own.y1
+    assert own.x1 < begin[0]
 
 
 def test_ids_lose_the_recording_only_if_all_have_the_same(bendplatz: Intersection) -> None:

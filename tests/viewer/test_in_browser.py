@@ -101,7 +101,7 @@ def test_it_plays_25_pictures_a_second_of_a_busy_scene(page: Browser) -> None:
     page.until("performance.now() - begin[1] > 5000")
     rate, steps, crowd = page.run(
         "return [1000 * (viewer.frames - begin[0]) / (performance.now() - begin[1]), viewer.clock - begin[2],"
-        " viewer.recordedNow().length]"
+        " viewer.parts.recordedNow(viewer).length]"
     )
     print(f"{rate:.0f} pictures a second with {crowd} vehicles")
     page.press(" ")
@@ -172,7 +172,6 @@ def test_a_vehicle_is_dragged_along_its_route_and_prediction_and_ranking_follow(
 def test_a_change_is_followed_within_100_ms(page: Browser) -> None:
     """Of the middle of several changes, as a planner's cycle is timed."""
     script = """
-        const done = arguments[arguments.length - 1];
         window.waited = [];
         const ids = viewer.prediction.vehicles.map((one) => one.id);
         const next = (number) => {

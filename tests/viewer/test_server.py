@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import socket
 import threading
 import time
 from collections.abc import Iterator
@@ -74,6 +75,16 @@ def test_the_page_and_its_files_are_served_and_nothing_else(server: Server) -> N
         answer, content = ask(server, page(server, name))
         assert answer.status == 404
         assert json.loads(content) == {"error": "there is no such file"}
+
+
+def test_an_answer_is_sent_at_once(server: Server) -> None:
+    """Its head and its body are two packets; by default the second waits 40 ms for the word that the first has come."""
+    connection = HTTPConnection("127.0.0.1", server.server_port, timeout=60)
+    connection.request("GET", page(server))
+    connection.getresponse().read()
+    (own,) = [one for one in server._open if one.getpeername() == connection.sock.getsockname()]
+    assert own.getsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY)
+    connection.close()
 
 
 def test_answers_are_those_of_the_session(server: Server) -> None:

@@ -39,13 +39,16 @@ void mark_passed(const Map& map, const Traffic& traffic, std::span<const Pair> p
 int first_of(const Pair& pair, int direction) { return direction > 0 ? pair.yielder : pair.prioritized; }
 int second_of(const Pair& pair, int direction) { return direction > 0 ? pair.prioritized : pair.yielder; }
 
-// What follows for a pair from the precedence; nothing where neither vehicle can stop any more.
-std::int8_t implied(const Precedence& precedence, const Pair& pair, const std::vector<std::uint8_t>& committed) {
-    if (committed[at(pair.yielder)] != 0 && committed[at(pair.prioritized)] != 0) {
-        return 0;
-    }
+// Who of a pair goes first by the precedence; 0 if either may.
+std::int8_t direction_of(const Precedence& precedence, const Pair& pair) {
     const bool yielder_first = precedence.before(pair.yielder, pair.prioritized);
     return yielder_first ? 1 : precedence.before(pair.prioritized, pair.yielder) ? -1 : 0;
+}
+
+// What follows for a pair from the precedence; nothing where neither vehicle can stop any more.
+std::int8_t implied(const Precedence& precedence, const Pair& pair, const std::vector<std::uint8_t>& committed) {
+    const bool both_go = committed[at(pair.yielder)] != 0 && committed[at(pair.prioritized)] != 0;
+    return both_go ? std::int8_t{0} : direction_of(precedence, pair);
 }
 
 // Whether a direction makes a vehicle wait that can no longer stop. passed: the yielder's centre has left the conflict.
@@ -62,6 +65,14 @@ std::size_t orders_in_a_cycle(int vehicles) {
     return std::clamp(CYCLE / std::max<std::size_t>(squared, 1), std::size_t{1}, MOST_MANEUVERS);
 }
 
+Precedence& Precedence::operator=(const Precedence& other) {
+    if (this != &other) {
+        vehicles_ = other.vehicles_;
+        std::copy_n(other.after_.begin(), vehicles_, after_.begin());
+    }
+    return *this;
+}
+
 bool Precedence::add(int a, int b) {
     if (before(b, a) || a == b) {
         return false;
@@ -73,9 +84,7 @@ bool Precedence::add(int a, int b) {
     after_[at(a)] |= later;
     for (int earlier = 0; earlier < vehicles_; ++earlier) {
         std::uint64_t& row = after_[at(earlier)];
-        if ((row >> a & 1U) != 0U) {
-            row |= later;
-        }
+        row |= later & (std::uint64_t{0} - (row >> a & 1U)); // without a branch: the search's innermost loop
     }
     return true;
 }
@@ -92,12 +101,13 @@ Orders::Orders(const Map& map, const Traffic& traffic, std::span<const Pair> pai
             continue;
         }
         if (search.cooperative[at(pair.yielder)] == 0 || search.cooperative[at(pair.prioritized)] == 0) {
+            follow_.push_back(p);
             continue;
         }
         const bool yielder_goes = committed_[at(pair.yielder)] != 0;
         const bool prioritized_goes = committed_[at(pair.prioritized)] != 0;
         if (yielder_goes && prioritized_goes) {
-            continue; // neither can stop: nothing to decide
+            continue; // neither can stop: nothing to decide, and nothing follows
         }
         if (yielder_goes || prioritized_goes) {
             settle(p, yielder_goes ? 1 : -1);
@@ -111,65 +121,56 @@ Orders::Orders(const Map& map, const Traffic& traffic, std::span<const Pair> pai
     choices_.resize(open_.size());
 }
 
-// What every order holds; no order is left where it contradicts what others hold.
+// What every order holds; no order is left where it contradicts what others hold, or what vehicles can still do.
 void Orders::settle(std::size_t pair, std::int8_t direction) {
+    const int first = first_of(pairs_[pair], direction), second = second_of(pairs_[pair], direction);
     order_[pair] = direction;
-    finished_ = finished_ || !precedence_.add(first_of(pairs_[pair], direction), second_of(pairs_[pair], direction));
+    finished_ = finished_ || cannot_wait(pairs_[pair], direction, passed_[pair] != 0, committed_) ||
+                !precedence_.add(first, second);
 }
 
-std::int8_t Orders::direction(std::size_t depth, int attempt) const {
-    const std::int8_t liked = preferred_[open_[depth]] > 0 ? 1 : -1;
-    return attempt == 0 ? liked : static_cast<std::int8_t>(-liked);
-}
-
-bool Orders::orient(std::size_t depth, int direction) {
+void Orders::orient(std::size_t depth, std::int8_t direction) {
     const Pair& pair = pairs_[open_[depth]];
-    return precedence_.add(first_of(pair, direction), second_of(pair, direction));
+    order_[open_[depth]] = direction;
+    precedence_.add(first_of(pair, direction), second_of(pair, direction));
 }
 
 bool Orders::advance() {
+    if (started_ && made_ == 0) {
+        finished_ = true;
+    }
     if (finished_) {
         return false;
     }
     // Every partial order can be completed, so the search never walks into a dead end.
     std::size_t depth = 0;
     if (started_) {
-        depth = open_.size();
-        while (true) {
-            if (depth == 0) {
-                finished_ = true;
-                return false;
-            }
-            --depth;
-            precedence_ = choices_[depth].before_choice;
-            const std::int8_t second = direction(depth, 1);
-            if (choices_[depth].tried == 1 && orient(depth, second)) {
-                choices_[depth].tried = 2;
-                order_[open_[depth]] = second;
-                ++depth;
-                break;
-            }
-        }
+        const Choice& last = choices_[--made_];
+        precedence_ = last.before;
+        orient(last.depth, static_cast<std::int8_t>(-order_[open_[last.depth]]));
+        depth = last.depth + 1;
     }
     started_ = true;
     for (; depth < open_.size(); ++depth) {
-        choices_[depth].before_choice = precedence_;
-        choices_[depth].tried = 1;
-        std::int8_t chosen = direction(depth, 0);
-        if (!orient(depth, chosen)) {
-            chosen = direction(depth, 1);
-            choices_[depth].tried = 2;
-            orient(depth, chosen);
+        const std::size_t p = open_[depth];
+        const std::int8_t follows = direction_of(precedence_, pairs_[p]);
+        if (follows != 0) {
+            order_[p] = follows;
+            continue;
         }
-        order_[open_[depth]] = chosen;
+        Choice& choice = choices_[made_++];
+        choice.depth = depth;
+        choice.before = precedence_;
+        orient(depth, preferred_[p] > 0 ? std::int8_t{1} : std::int8_t{-1});
     }
     return true;
 }
 
 // The order found, with what it implies for pairs that were not oriented; false if that cannot be carried out.
 bool Orders::complete_into(std::int8_t* out) const {
-    for (std::size_t p = 0; p < pairs_.size(); ++p) {
-        out[p] = order_[p] != 0 ? order_[p] : implied(precedence_, pairs_[p], committed_);
+    std::ranges::copy(order_, out);
+    for (const std::size_t p : follow_) {
+        out[p] = implied(precedence_, pairs_[p], committed_);
         if (cannot_wait(pairs_[p], out[p], passed_[p] != 0, committed_)) {
             return false;
         }

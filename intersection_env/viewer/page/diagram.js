@@ -1,6 +1,6 @@
 // Position over time: where each front bumper is, before and past its first conflict, from the moment on.
 
-import { armColour, colours } from "./words.js";
+import { armName, colourOf } from "./words.js";
 
 const LOW = -60, HIGH = 25; // [m] past the first conflict that are shown
 const LEFT = 64, RIGHT = 22, TOP = 8, BOTTOM = 24; // [pixel] around
@@ -33,7 +33,6 @@ export class Diagram {
     const ratio = window.devicePixelRatio || 1;
     const size = { width: Math.round(this.width * ratio), height: Math.round(this.height * ratio) };
     if (this.canvas.width !== size.width || this.canvas.height !== size.height) Object.assign(this.canvas, size);
-    this.colour = colours();
     if (!this.fresh) {
       this.fresh = true;
       Object.assign(this.still, size);
@@ -76,7 +75,7 @@ export class Diagram {
     return {
       vehicle, meets, chosen,
       weight: chosen ? 2 : meets ? 1 : 0,
-      colour: this.colour(meets || chosen ? armColour(route.arm) : "kerb"),
+      colour: colourOf(meets || chosen ? armName(route.arm) : "kerb"),
       alpha: viewer.selected && !chosen ? 0.45 : 1,
       values: position[index].slice(0, steps[index]).map(past),
       fan: fans && (meets || chosen) ? { low: fans.low[index].map(past), high: fans.high[index].map(past) } : null,
@@ -87,13 +86,13 @@ export class Diagram {
   drawAxes(context) {
     const { x, y } = this.scales, seconds = this.viewer.seconds(this.viewer.horizon);
     context.font = "11.5px system-ui, 'DejaVu Sans', sans-serif";
-    context.fillStyle = this.colour("dim");
-    context.strokeStyle = this.colour("line");
+    context.fillStyle = colourOf("dim");
+    context.strokeStyle = colourOf("line");
     context.lineWidth = 1;
     context.textBaseline = "middle";
     context.textAlign = "right";
     for (let past = LOW; past <= HIGH; past += 20) {
-      context.strokeStyle = this.colour(past === 0 ? "dim" : "line");
+      context.strokeStyle = colourOf(past === 0 ? "dim" : "line");
       context.beginPath();
       context.moveTo(LEFT, y(past));
       context.lineTo(this.width - RIGHT, y(past));
@@ -145,11 +144,10 @@ export class Diagram {
       const at = Math.max(y(values[0]), free);
       if (at > this.height - BOTTOM) break;
       free = at + ROW;
-      context.fillStyle = colour;
       context.font = `${chosen ? 700 : 600} 11.5px system-ui, 'DejaVu Sans', sans-serif`;
       const width = context.measureText(vehicle.label).width;
       context.globalAlpha = 0.8;
-      context.fillStyle = this.colour("surface");
+      context.fillStyle = colourOf("surface");
       context.fillRect(LEFT + 3, at - 6, width + 4, 12);
       context.globalAlpha = 1;
       context.fillStyle = colour;
@@ -161,7 +159,7 @@ export class Diagram {
     const { viewer } = this;
     if (viewer.ahead < 0 || viewer.ahead > viewer.horizon) return;
     const at = this.scales.x(viewer.ahead);
-    context.strokeStyle = this.colour("ink");
+    context.strokeStyle = colourOf("ink");
     context.lineWidth = 1.5;
     context.beginPath();
     context.moveTo(at, TOP);

@@ -8,6 +8,7 @@ import { listenToKeys } from "./keys.js";
 import { MapView } from "./map.js";
 import { Orders } from "./orders.js";
 import { listenOnDiagram, listenToPointer } from "./pointer.js";
+import { recordedNow } from "./shown.js";
 import { openSource } from "./source.js";
 import { VehiclePanel } from "./vehicle.js";
 import { Viewer } from "./viewer.js";
@@ -21,22 +22,28 @@ const map = new MapView(canvas, viewer, camera);
 const diagram = new Diagram(document.getElementById("diagram"), viewer);
 const orders = new Orders(viewer);
 const panel = new VehiclePanel(viewer);
-const fit = () => { camera.fit(viewer.road.extent); due = true; };
+const fit = () => { camera.fit(viewer.road.extent); draw(); };
 const controls = new Controls(viewer, { fit });
 let due = false, before = null, panels = new Set();
 
-viewer.listen((what) => {
+// With the next picture; nothing runs while nothing changes.
+function draw() {
+  if (!due) requestAnimationFrame(picture);
   due = true;
+}
+
+viewer.listen((what) => {
+  draw();
   if (what !== "time") panels.add(what);
   if (what === "place") fit();
 });
 
 function picture(now) {
-  requestAnimationFrame(picture);
   if (viewer.playing && before !== null) viewer.pass(Math.min((now - before) / 1000, LONGEST));
-  before = now;
-  if (!due || !viewer.road) return;
+  before = viewer.playing ? now : null;
   due = false;
+  if (viewer.playing) draw();
+  if (!viewer.road) return;
   if (panels.size) renderPanels();
   else controls.renderTime();
   if (hasSize(camera)) map.draw();
@@ -61,7 +68,7 @@ function resize() {
   camera.resize(canvas.clientWidth, canvas.clientHeight);
   diagram.resize();
   if (wasHidden && viewer.road) fit();
-  due = true;
+  draw();
 }
 
 function hasSize({ width, height }) { // not so in a frame that is not displayed
@@ -74,5 +81,5 @@ listenToPointer(canvas, viewer, camera);
 listenOnDiagram(diagram.canvas, viewer, diagram);
 listenToKeys(viewer, { orders, fit });
 resize();
-viewer.open().then(() => requestAnimationFrame(picture), (error) => viewer.say(error.message));
-window.viewer = Object.assign(viewer, { parts: { camera, map, diagram, placeOn } }); // for the browser's console, and for tests
+viewer.open().catch((error) => viewer.say(error.message));
+window.viewer = Object.assign(viewer, { parts: { camera, map, diagram, placeOn, recordedNow } }); // for the browser's console, and for tests

@@ -1,7 +1,8 @@
 // The intersection from above: the road, which stands still, and what drives on it.
 
 import { bodyOf, placeOn, stretch } from "./geometry.js";
-import { armColour, colours } from "./words.js";
+import { bodiesAndOutlines, waitsNow } from "./shown.js";
+import { armName, colourOf } from "./words.js";
 
 const LABEL_FROM = 3.2; // [pixel a metre], from where on labels can be read
 const FAN_WIDTH = 2.4; // [m]
@@ -18,13 +19,12 @@ export class MapView {
     const { canvas, camera, viewer } = this;
     const width = Math.round(camera.width * ratio), height = Math.round(camera.height * ratio);
     if (canvas.width !== width || canvas.height !== height) Object.assign(canvas, { width, height });
-    this.colour = colours();
     this.drawStill(ratio, width, height);
     const context = canvas.getContext("2d");
     context.setTransform(1, 0, 0, 1, 0, 0);
     context.drawImage(this.still, 0, 0);
     camera.apply(context, ratio);
-    const [bodies, outlines] = viewer.shown();
+    const [bodies, outlines] = bodiesAndOutlines(viewer);
     if (viewer.fans) this.drawFans(context);
     this.drawPath(context, bodies);
     if (viewer.outlines) for (const one of outlines) this.drawOutline(context, one);
@@ -34,33 +34,33 @@ export class MapView {
   }
 
   drawStill(ratio, width, height) {
-    const { viewer, camera, colour } = this;
-    const key = [viewer.road.name, camera.moved, width, height, colour("asphalt")].join();
+    const { viewer, camera } = this;
+    const key = [viewer.road.name, camera.moved, width, height, colourOf("asphalt")].join();
     if (key === this.drawn) return;
     this.drawn = key;
     Object.assign(this.still, { width, height });
     const context = this.still.getContext("2d");
-    context.fillStyle = colour("ground");
+    context.fillStyle = colourOf("ground");
     context.fillRect(0, 0, width, height);
     camera.apply(context, ratio);
     const pixel = 1 / camera.scale;
     const paved = new Path2D();
     for (const ring of viewer.road.paved.flat()) trace(paved, ring, true);
-    context.fillStyle = colour("asphalt");
+    context.fillStyle = colourOf("asphalt");
     context.fill(paved, "evenodd");
-    context.fillStyle = colour("conflict");
+    context.fillStyle = colourOf("conflict");
     for (const area of viewer.road.conflicts) {
       const path = new Path2D();
       trace(path, area, true);
       context.fill(path);
     }
-    stroke(context, viewer.road.borders, colour("marking"), Math.max(0.12, pixel));
-    context.strokeStyle = colour("kerb");
+    stroke(context, viewer.road.borders, colourOf("marking"), Math.max(0.12, pixel));
+    context.strokeStyle = colourOf("kerb");
     context.lineWidth = 1.2 * pixel;
     context.stroke(paved);
     const lines = (mustYield) => viewer.road.stopLines.filter((one) => one.mustYield === mustYield).map((one) => one.ends);
-    stroke(context, lines(false), colour("marking"), 0.35);
-    stroke(context, lines(true), colour("stop"), 0.5);
+    stroke(context, lines(false), colourOf("marking"), 0.35);
+    stroke(context, lines(true), colourOf("stop"), 0.5);
   }
 
   // Where each may be by now, along its route.
@@ -75,7 +75,7 @@ export class MapView {
       if (high - low < 0.2) return;
       context.globalAlpha = viewer.selected && viewer.selected !== vehicle.id ? 0.1 : 0.28;
       const points = stretch(viewer.road, route, low, high).map(({ x, y }) => [x, y]);
-      stroke(context, [points], this.colour(armColour(route.arm)), FAN_WIDTH, "round");
+      stroke(context, [points], colourOf(armName(route.arm)), FAN_WIDTH, "round");
     });
     context.globalAlpha = 1;
   }
@@ -86,7 +86,7 @@ export class MapView {
     const one = bodies.find((body) => body.id === viewer.selected);
     if (!one) return;
     const points = stretch(viewer.road, one.route, one.at, one.route.length).map(({ x, y }) => [x, y]);
-    stroke(context, [points], this.colour(armColour(one.route.arm)), Math.max(0.3, 2 / camera.scale));
+    stroke(context, [points], colourOf(armName(one.route.arm)), Math.max(0.3, 2 / camera.scale));
   }
 
   drawOutline(context, one) {
@@ -97,7 +97,7 @@ export class MapView {
     context.rotate(body.heading);
     context.setLineDash([4 * pixel, 3 * pixel]);
     context.lineWidth = 1.5 * pixel;
-    context.strokeStyle = this.colour("ghost");
+    context.strokeStyle = colourOf("ghost");
     context.beginPath();
     context.roundRect(-body.half, -body.aside, 2 * body.half, 2 * body.aside, 0.4);
     context.stroke();
@@ -105,7 +105,7 @@ export class MapView {
   }
 
   drawBody(context, one) {
-    const { viewer, camera, colour } = this;
+    const { viewer, camera } = this;
     const body = bodyOf(viewer.road, one.route, one, one.at);
     const { half, aside } = body, pixel = 1 / camera.scale;
     context.save();
@@ -113,13 +113,13 @@ export class MapView {
     context.rotate(body.heading);
     if (one.id === viewer.selected) {
       context.lineWidth = Math.max(0.35, 2.5 * pixel);
-      context.strokeStyle = colour("ink");
+      context.strokeStyle = colourOf("ink");
       context.beginPath();
       context.roundRect(-half - 0.6, -aside - 0.6, 2 * half + 1.2, 2 * aside + 1.2, 0.8);
       context.stroke();
     }
-    context.fillStyle = colour(armColour(one.route.arm));
-    context.strokeStyle = colour("surface");
+    context.fillStyle = colourOf(armName(one.route.arm));
+    context.strokeStyle = colourOf("surface");
     context.lineWidth = Math.min(0.25, 1.2 * pixel);
     context.beginPath();
     context.roundRect(-half, -aside, 2 * half, 2 * aside, [0.3, 0.7, 0.7, 0.3]);
@@ -130,7 +130,7 @@ export class MapView {
     context.fillRect(far, -0.78 * aside, near - far, 1.56 * aside);
     if (one.held) {
       const deep = Math.max(0.45, 2.5 * pixel);
-      context.fillStyle = colour("wait");
+      context.fillStyle = colourOf("wait");
       context.fillRect(half + 0.35, -aside - 0.2, deep, 2 * aside + 0.4);
     }
     context.restore();
@@ -143,14 +143,14 @@ export class MapView {
     const ids = viewer.prediction?.vehicles.map((one) => one.id);
     const nearest = new Map();
     const arrows = [];
-    for (const [waiting, awaited] of viewer.waitsNow()) {
+    for (const [waiting, awaited] of waitsNow(viewer)) {
       const from = by.get(ids[waiting]), to = by.get(ids[awaited]);
       if (!from || !to) continue;
       const arrow = { from, to, way: Math.hypot(to.x - from.x, to.y - from.y) };
       if ([ids[waiting], ids[awaited]].includes(viewer.selected)) arrows.push(arrow);
       else if (!viewer.selected && !(nearest.get(waiting)?.way < arrow.way)) nearest.set(waiting, arrow);
     }
-    context.fillStyle = context.strokeStyle = this.colour("wait");
+    context.fillStyle = context.strokeStyle = colourOf("wait");
     context.lineWidth = 1.6 / camera.scale;
     for (const { from, to } of [...arrows, ...nearest.values()]) this.drawArrow(context, from, to);
   }
@@ -185,8 +185,8 @@ export class MapView {
     context.textBaseline = "middle";
     context.lineWidth = 3;
     context.lineJoin = "round";
-    context.strokeStyle = this.colour("surface");
-    context.fillStyle = this.colour("ink");
+    context.strokeStyle = colourOf("surface");
+    context.fillStyle = colourOf("ink");
     for (const one of bodies) {
       const place = placeOn(viewer.road, one.route, one.at);
       const off = one.width / 2 + 10 / camera.scale;
@@ -199,7 +199,7 @@ export class MapView {
   drawScale(context) {
     const length = [5, 10, 20, 50, 100].find((one) => one * this.camera.scale > 60) ?? 200;
     const right = this.camera.width - 14, low = this.camera.height - 48, width = length * this.camera.scale;
-    context.strokeStyle = context.fillStyle = this.colour("dim");
+    context.strokeStyle = context.fillStyle = colourOf("dim");
     context.lineWidth = 1.5;
     context.beginPath();
     context.moveTo(right - width, low - 4);

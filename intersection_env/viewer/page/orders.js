@@ -1,6 +1,6 @@
 // The crossing orders: which is best and by how many seconds, and which is how probable.
 
-import { armClass, make, percent, signed } from "./words.js";
+import { armName, make, percent, signed } from "./words.js";
 
 const SWAPS = 3; // pairs that are named; the others are counted
 
@@ -24,6 +24,7 @@ export class Orders {
       button.setAttribute("aria-pressed", viewer.sortedBy === by);
       button.disabled = by === "probability" && !viewer.opened.forecasts;
     }
+    if (this.isDrawn()) return;
     this.headline.className = "";
     if (!ranking) return this.renderNothing();
     const left = ranking.leftOut ? `, ${ranking.leftOut >= 20000 ? "20,000 or more" : ranking.leftOut} further` : "";
@@ -31,6 +32,16 @@ export class Orders {
     this.says.textContent = `${ranking.orders} compared${kept}${left}`;
     this.renderHeadline(ranking);
     this.rows.replaceChildren(this.table(ranking));
+  }
+
+  // Whether the table shows what there is: it takes the browser longer than all else together, and most changes are not to it.
+  isDrawn() {
+    const { ranking, order, sortedBy, predicts, assigned, moment, place, known } = this.viewer;
+    const vehicles = [...known.values()].map((one) => `${one.label} ${one.route}`).join();
+    const shown = [ranking, order, sortedBy, predicts, assigned.join(), moment, place, vehicles];
+    if (this.drawn?.every((one, index) => one === shown[index])) return true;
+    this.drawn = shown;
+    return false;
   }
 
   renderNothing() {
@@ -79,15 +90,13 @@ export class Orders {
     const most = Math.max(...ranking.rows.map((row) => Math.abs(row.gain)), ranking.worthwhileGain);
     const besides = this.viewer.assigned.length ? "but as assigned" : "";
     const heads = [
-      "", "order",
-      ["gain", `expected time saved by all together, against ${besides ? "what is assigned alone" : "no intervention"}`],
-      ["probability", `if nobody intervenes ${besides}`],
-      ["safe", ""],
+      ["", "rank", ""],
+      ["order", "", ""],
+      ["gain", "number", `expected time saved by all together, against ${besides ? "what is assigned alone" : "no intervention"}`],
+      ["probability", "number", `if nobody intervenes ${besides}`],
+      ["safe", "safe", ""],
     ];
-    const head = heads.map((one) => {
-      const [text, title] = Array.isArray(one) ? one : [one, ""];
-      return make("th", { scope: "col", title, class: ["gain", "probability"].includes(text) ? "number" : "" }, text);
-    });
+    const head = heads.map(([text, kind, title]) => make("th", { scope: "col", title, class: kind }, text));
     const none = this.noneRow(ranking);
     const rows = this.listed().map((row) => this.row(row, most));
     return make("table", {}, make("thead", {}, make("tr", {}, ...head)), make("tbody", {}, none, ...rows));
@@ -108,7 +117,7 @@ export class Orders {
 
   row(row, most) {
     const { viewer } = this;
-    const chips = row.order.map((id) => make("span", { class: `chip ${armClass(viewer.armOf(id))}` }, viewer.labelOf(id)));
+    const chips = row.order.map((id) => make("span", { class: `chip ${armName(viewer.armOf(id))}` }, viewer.labelOf(id)));
     const danger = row.unsafe === null ? "" : `${percent(row.unsafe)} unsafe`;
     const safe = row.safe ? ["good-text", "✓ safe"] : ["bad-text", row.followed ? "✗ too near" : "✗ not followed"];
     return this.line(row, [

@@ -1,6 +1,7 @@
 // The pointer on the map: vehicles are selected and dragged along their routes, the ground is moved, the wheel zooms.
 
 import { bodyOf, contains, nearestOn, nearestRoute } from "./geometry.js";
+import { bodiesAndOutlines } from "./shown.js";
 
 const NEAR = 6; // [pixel] beside a body that still mean it
 const JUMP = 40; // [m] along its route that a vehicle may be dragged at once, as routes pass near themselves
@@ -54,7 +55,7 @@ export function listenOnDiagram(canvas, viewer, diagram) {
 }
 
 function vehicleAt(viewer, camera, point) {
-  const [bodies] = viewer.shown();
+  const [bodies] = bodiesAndOutlines(viewer);
   const margin = NEAR / camera.scale;
   return bodies.find((one) => contains(bodyOf(viewer.road, one.route, one, one.at), point, margin)) ?? null;
 }

@@ -1,6 +1,6 @@
 // The selected vehicle: its route, place and speed, and whom it meets.
 
-import { armClass, make, percent } from "./words.js";
+import { armName, make, percent } from "./words.js";
 
 const TOP_SPEED = 20; // [m/s], of the slider
 const BACK = 120; // [m] before the stop line, of the slider
@@ -44,7 +44,7 @@ export class VehiclePanel {
     const routes = viewer.road.routes.map((one) => make("option", { selected: one.id === vehicle.route }, one.id));
     const select = make("select", { "aria-label": "route", disabled: !viewer.source.editable, onchange: () => this.reroute(vehicle, select.value) }, ...routes);
     return make("div", { class: "row" },
-      make("span", { class: `chip ${armClass(route.arm)}` }, label), "route", select,
+      make("span", { class: `chip ${armName(route.arm)}` }, label), "route", select,
       make("span", { class: "hint loss grow" }, lossWords(loss)),
       make("button", { onclick: () => viewer.remove(vehicle.id), disabled: !viewer.source.editable, title: "(Delete)" }, "Remove"));
   }
@@ -93,7 +93,7 @@ export class VehiclePanel {
     const words = pair.first ? `${shown.label} goes first here` : "neither within 10 s";
     const share = pair.yielderFirst === null || viewer.order ? "" : `; ${percent(pair.first > 0 ? pair.yielderFirst : 1 - pair.yielderFirst)}`;
     return make("div", { class: "pair" },
-      make("span", {}, make("span", { class: `chip ${armClass(viewer.armOf(other.id))}` }, other.label), ` ${yielder.label} yields by rule; `,
+      make("span", {}, make("span", { class: `chip ${armName(viewer.armOf(other.id))}` }, other.label), ` ${yielder.label} yields by rule; `,
         make("b", {}, words), pair.first ? share : ""),
       make("span", { class: "segments" }, first(yielder, prioritized), button("open", !own, () => viewer.assign(yielder.id, prioritized.id, false), "leave it to the drivers"), first(prioritized, yielder)));
   }

@@ -2,6 +2,7 @@
 
 import { Latest } from "./latest.js";
 
+const NO_ARM = 5; // whose colour is grey
 const NEW_LENGTH = 4.5, NEW_WIDTH = 1.8, NEW_SPEED = 7; // [m], [m/s]; of a vehicle that is added
 
 export class Viewer {
@@ -12,6 +13,7 @@ export class Viewer {
       vehicles: null, // as changed; null: as recorded
       assigned: [], order: null, // pairs [first, second]; the row that is shown happening
       prediction: null, ranking: null, selected: null,
+      known: new Map(), // the prediction's vehicles by id
       predicts: false, // whether bodies are those of the prediction, and outlines the recorded ones
       outlines: true, fans: true, adds: false, playing: false, pace: 1, sortedBy: "gain",
       message: "", stale: false, frames: 0, epoch: 0, good: null, listeners: [],
@@ -58,6 +60,7 @@ export class Viewer {
     this.moment = this.clock = Math.max(0, Math.min(Math.round(step), this.last));
     this.vehicles = this.scene ? null : this.place.example;
     Object.assign(this, { assigned: [], order: null, prediction: null, ranking: null, good: null, message: "" });
+    this.known = new Map();
     this.epoch++;
     this.ask();
     this.changed();
@@ -80,6 +83,7 @@ export class Viewer {
   takePrediction(answer, asked) {
     if (asked.epoch !== this.epoch) return;
     this.prediction = answer;
+    this.known = byId(answer?.vehicles ?? []);
     this.good = asked.state;
     this.message = answer ? [...answer.notes, ...overlapping(answer)].join("; ") : "";
     this.stale = this.predicting.next !== null;
@@ -222,54 +226,13 @@ export class Viewer {
     this.changed("message");
   }
 
-  // Who is where: vehicles with the place, speed and label to draw, at the clock.
-
-  recordedNow() {
-    if (!this.scene) return [];
-    return this.scene.tracks.flatMap((track) => {
-      const at = this.clock - track.start;
-      if (at < 0 || at > track.position.length - 1) return [];
-      const route = this.road.routes[track.route];
-      return [{ ...track, id: track.id, route, at: between(track.position, at), speed: between(track.speed, at) }];
-    });
-  }
-
-  predictedNow() {
-    if (!this.prediction || this.ahead < 0 || this.ahead > this.horizon) return [];
-    const { vehicles, position, speed, steps, held } = this.prediction;
-    const now = this.clock === this.moment && this.vehicles ? byId(this.vehicles) : null;
-    return vehicles.flatMap((vehicle, index) => {
-      if (this.ahead > steps[index] - 1) return [];
-      const own = now ? now.get(vehicle.id) : vehicle; // a change is shown before its answer is there
-      if (!own) return [];
-      const at = now ? own.position : between(position[index], this.ahead);
-      const isHeld = held[index].includes(Math.floor(this.ahead));
-      const route = this.routes[own.route];
-      return [{ ...own, label: vehicle.label, index, route, at, speed: between(speed[index], this.ahead), held: isHeld }];
-    });
-  }
-
-  // Bodies and outlines; at a moment as it was recorded, the prediction knows who is held.
-  shown() {
-    const predicted = this.predictedNow(), recorded = this.recordedNow();
-    if (this.predicts || !this.scene) return [predicted, recorded];
-    const held = new Set(this.clock === this.moment ? predicted.filter((one) => one.held).map((one) => one.id) : []);
-    return [recorded.map((one) => ({ ...one, held: held.has(one.id) })), predicted];
-  }
-
-  waitsNow() {
-    const known = this.predicts || !this.scene || this.clock === this.moment;
-    if (!known || !this.prediction || this.ahead < 0 || this.ahead > this.horizon) return [];
-    return this.prediction.waits[Math.floor(this.ahead)];
-  }
-
   labelOf(id) {
-    return this.prediction?.vehicles.find((one) => one.id === id)?.label ?? id;
+    return this.known.get(id)?.label ?? id;
   }
 
   armOf(id) {
-    const vehicle = this.prediction?.vehicles.find((one) => one.id === id);
-    return vehicle ? this.routes[vehicle.route].arm : 5;
+    const vehicle = this.known.get(id);
+    return vehicle ? this.routes[vehicle.route].arm : NO_ARM;
   }
 }
 
@@ -277,10 +240,4 @@ const byId = (vehicles) => new Map(vehicles.map((one) => [one.id, one]));
 
 function overlapping(answer) {
   return answer.overlaps.map(([one, other]) => `${one} and ${other} overlap: they do not count in distances`);
-}
-
-// A value between two steps.
-function between(values, at) {
-  const i = Math.min(Math.floor(at), values.length - 2);
-  return i < 0 ? values[0] : values[i] + (at - i) * (values[i + 1] - values[i]);
 }

@@ -22,12 +22,14 @@ export function percent(share, atMost = false) {
 
 export const timeOf = (seconds) => `${seconds.toFixed(1)} s`;
 
-// Where a value goes that was drawn with a colour of the style sheet.
-export function colours() {
-  const style = getComputedStyle(document.documentElement);
-  return (name) => style.getPropertyValue(`--${name}`).trim();
+// A colour of the style sheet, for what is drawn; asked for once, as each answer has the page's style computed anew.
+const styled = new Map();
+matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => styled.clear());
+export function colourOf(name) {
+  const value = styled.get(name) || getComputedStyle(document.documentElement).getPropertyValue(`--${name}`).trim();
+  styled.set(name, value); // empty in a frame that is not displayed, and asked for again
+  return value;
 }
 
-export const armClass = (arm) => `arm-${arm % ARMS}`;
-export const armColour = (arm) => `arm-${arm % ARMS}`;
-export const ARMS = 6;
+const ARMS = 6;
+export const armName = (arm) => `arm-${arm % ARMS}`; // of a colour, and of a class with that colour
