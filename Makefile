@@ -13,7 +13,7 @@ MAP ?=
 MAPS := $(if $(MAP),--map $(MAP))
 SEEDS ?= 0 1 2
 
-.PHONY: help versions demo setup check test harden clients browser bench reproduce ablations real train gap maps recordings recorded statistics pages docs format clean
+.PHONY: help versions demo setup check test harden clients commonroad browser bench reproduce ablations real train gap maps recordings recorded statistics pages docs format clean
 
 help: ## these lines
 	@sed -nE 's/^([a-z]+):.*## (.*)/\1\t\2/p' $(MAKEFILE_LIST) | expand -t 14
@@ -43,6 +43,10 @@ versions: $(VENV)/.tools ## the wheel with the lowest and the newest versions of
 # The examples that learn with other libraries, each in an environment of its own (out/clients), which takes a while.
 clients: setup ## runs the examples with other libraries, each in an environment of its own
 	$(RUN) -m tests.clients $(CLIENTS)
+
+# CommonRoad's protobuf files, written by versions of its own library, each in an environment of its own (out/commonroad).
+commonroad: setup ## reads scenarios that commonroad-io wrote, and compares them with their XML
+	$(RUN) -m tests.commonroad
 
 # The viewer in Chromium, which must be there: apt-get install chromium chromium-driver.
 browser: setup ## tries the viewer in a real browser (Chromium)

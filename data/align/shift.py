@@ -116,7 +116,8 @@ def shifted(source: MapSource, shifts: Mapping[str, LaneShift]) -> MapSource:
 def _eased(way: Points) -> Points:
     """A way inside the junction, straightened a little."""
     (points,) = on_grid(way)
-    eased, _ = telling(least_bent(points, np.full(len(points), EASED)), np.ones(len(points)))
+    eased = least_bent(points, np.full(len(points), EASED))
+    eased = eased[telling(eased)]
     return np.round(eased, DECIMALS) + 0.0
 
 
@@ -158,7 +159,7 @@ def _moved(lane: Lane, shift: LaneShift) -> Lane:
     left = np.interp(place, shift.station, shift.left) if varies else np.full(len(place), np.median(shift.left))
     points = points + left[:, None] * _normals(points)
     width = np.interp(place, way, lane.width)
-    kept = _telling(points, width)
+    kept = telling(np.column_stack([points, width]), EXACT)
     return Lane(np.round(points[kept], DECIMALS) + 0.0, np.round(width[kept], DECIMALS))
 
 
@@ -170,22 +171,3 @@ def _normals(points: Points) -> Points:
     before, after = np.concatenate([left[:1], left]), np.concatenate([left, left[-1:]])
     between = before + after
     return np.asarray(2.0 * between / (between**2).sum(axis=1)[:, None])
-
-
-def _telling(points: Points, width: NDArray[np.float64]) -> NDArray[np.int64]:
-    """Indices of the points without which the lane or its width would be another (Douglas and Peucker)."""
-    spread = np.concatenate([points, width[:, None]], axis=1)
-    kept, open_ = {0, len(points) - 1}, [(0, len(points) - 1)]
-    while open_:
-        begin, end = open_.pop()
-        if end - begin < 2:
-            continue
-        chord = spread[end] - spread[begin]
-        inner = spread[begin + 1 : end] - spread[begin]
-        off = inner - np.outer(inner @ chord / (chord @ chord), chord)
-        away = np.linalg.norm(off, axis=1)
-        if away.max() > EXACT:
-            middle = begin + 1 + int(away.argmax())
-            kept.add(middle)
-            open_ += [(begin, middle), (middle, end)]
-    return np.array(sorted(kept))

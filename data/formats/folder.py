@@ -18,10 +18,6 @@ FILES = {
     PROTOBUF: r".+\.pb",
 }
 """What the file of a recording is called."""
-NO_PROTOBUF = (
-    "CommonRoad's protobuf is not read; write it as XML first with commonroad-io, in an environment of its own (see"
-    " docs/real_data.md)"
-)
 
 
 def format_of(folder: Path) -> str:
@@ -29,9 +25,9 @@ def format_of(folder: Path) -> str:
 
     Raises:
         FileNotFoundError: there is no such folder, or no recording in it.
-        ValueError: recordings of several formats lie there, or of one that is not read.
+        ValueError: recordings of several formats lie there.
     """
-    wanted = "wanted NN_tracks.csv (inD), vehicle_tracks_NNN.csv (INTERACTION) or scenarios, *.xml (CommonRoad)"
+    wanted = "wanted NN_tracks.csv (inD), vehicle_tracks_NNN.csv (INTERACTION) or scenarios, *.xml or *.pb (CommonRoad)"
     if not folder.is_dir():
         raise FileNotFoundError(f"{folder}: no such folder; {wanted}")
     names = sorted(path.name for path in folder.iterdir())
@@ -41,8 +37,6 @@ def format_of(folder: Path) -> str:
     if len(found) > 1:
         there = ", ".join(f"{name} ({one})" for one, name in found.items())
         raise ValueError(f"{folder}: recordings of several formats: {there}; give each a folder of its own")
-    if PROTOBUF in found:
-        raise ValueError(f"{folder / found[PROTOBUF]}: {NO_PROTOBUF}")
     return next(iter(found))
 
 

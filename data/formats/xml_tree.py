@@ -7,6 +7,8 @@ from pathlib import Path
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
 
+FARTHEST = 1e8  # [m], ours: no place on the Earth has larger coordinates, whatever the projection
+
 
 def read_xml(path: Path, root: str) -> Element:
     """The root element of a file, which must be called so.

@@ -12,7 +12,8 @@ from pathlib import Path
 
 import numpy as np
 
-from data.formats.folder import NO_PROTOBUF, read_recording, recording_ids
+from data.formats.commonroad_tree import PROTOBUF, XML
+from data.formats.folder import read_recording, recording_ids
 from data.maps.commonroad_file import read_commonroad
 from data.maps.junction import MOST_RADIUS, Circle
 from data.maps.lanelet2_file import read_lanelet2
@@ -33,7 +34,7 @@ READ = 3  # ours: so many recordings show where a map lies
 def main(arguments: Sequence[str] | None = None) -> int:
     """Writes the map source, prints what was guessed and left out, and returns the exit status."""
     parser = argparse.ArgumentParser(prog="python -m data.maps", description="A map of lanes to a map source.")
-    parser.add_argument("file", type=Path, help="a Lanelet2 map (.osm), or a CommonRoad map or scenario (.xml)")
+    parser.add_argument("file", type=Path, help="a Lanelet2 map (.osm), or a CommonRoad map or scenario (.xml, .pb)")
     parser.add_argument("--out", type=Path, required=True, help="the map source to write (.json)")
     parser.add_argument("--name", help="of the new map, one word; by default the name of --out")
     parser.add_argument(
@@ -103,10 +104,8 @@ def report(imported: Imported, lane_map: LaneMap) -> str:
 def _read(path: Path, origin: str | None) -> LaneMap:
     if path.suffix == ".osm":
         return read_lanelet2(path, None if origin is None else _pair("--origin", origin))
-    if path.suffix == ".pb":
-        raise ValueError(f"{path}: {NO_PROTOBUF}")
-    if path.suffix != ".xml":
-        raise ValueError(f"{path}: wanted a Lanelet2 map (.osm) or a CommonRoad file (.xml)")
+    if path.suffix not in (XML, PROTOBUF):
+        raise ValueError(f"{path}: wanted a Lanelet2 map (.osm) or a CommonRoad file (.xml, .pb)")
     if origin is not None:
         raise ValueError(f"--origin is for Lanelet2 maps; {path.name} is in metres already (--shift moves it)")
     return read_commonroad(path)

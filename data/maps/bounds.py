@@ -8,12 +8,14 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from data.formats.xml_tree import FARTHEST
 from data.maps.lanelets import Lanelet
 from intersection_env.maps.curve import Points, wrap
 
 LOOSE = 4.0  # [m], ours: where one bound touches only, centrelines are at most a lane apart
 STRAIGHT_ON = np.radians(45.0)  # ours: and their headings differ by less
 HEADING_OVER = 6  # ours: of a centreline's points, half a metre apart, its heading is taken over so many
+LONGEST = 100e3  # [m], ours: no lanelet is longer; one is with a digit too many in a point
 TOUCH = 0.3  # [m], ours: bounds that end nearer to where others begin lead into them
 
 
@@ -21,10 +23,16 @@ def distinct(where: str, values: Iterable[Iterable[float] | NDArray[np.float64]]
     """The points of a bound, without those that repeat the one before.
 
     Raises:
-        ValueError: fewer than two are left.
+        ValueError: fewer than two are left, or they are farther apart than a lane is long.
     """
     points = np.array([list(one) for one in values], dtype=np.float64).reshape(-1, 2)
     if len(points):
+        far = np.abs(points).max()
+        if far > FARTHEST:
+            raise ValueError(f"{where}: a point {far:g} m from 0; wanted at most {FARTHEST:g}")
+        across = np.ptp(points, axis=0).max()
+        if across > LONGEST:
+            raise ValueError(f"{where}: points {across:g} m apart; wanted at most {LONGEST:g}")
         points = points[np.r_[True, np.linalg.norm(np.diff(points, axis=0), axis=1) > 1e-3]]
     if len(points) < 2:
         raise ValueError(f"{where}: {len(points)} points apart from each other; wanted two or more")

@@ -1,6 +1,6 @@
-"""Reads the lanelets of a CommonRoad map or scenario (XML, 2018b and 2020a).
+"""Reads the lanelets of a CommonRoad map or scenario (XML of 2018b and 2020a, or protobuf).
 
-Read as XML, not with commonroad-io: that truncates coordinates to four decimals, and what is needed of a map is
+XML is not read with commonroad-io: that truncates coordinates to four decimals, and what is needed of a map is
 little. Source: CommonRoad, "XML scenario format", version 2020a.
 """
 
@@ -13,7 +13,8 @@ from xml.etree.ElementTree import Element
 
 import numpy as np
 
-from data.formats.xml_tree import number, read_xml, text_of
+from data.formats.commonroad_tree import PROTOBUF, read_tree
+from data.formats.xml_tree import number, text_of
 from data.maps.bounds import distinct, facing, follow_each_other, with_loose_joints
 from data.maps.lanelets import Lanelet, LaneMap
 from data.maps.speed_limit import speed_limit
@@ -43,7 +44,7 @@ def read_commonroad(path: Path) -> LaneMap:
         ValueError: the file is no CommonRoad file, or a lanelet is malformed; the message names it.
         OSError: the file cannot be read.
     """
-    root = read_xml(path, "commonRoad")
+    root = read_tree(path)
     ignored = Counter(one.tag for one in root if one.tag not in (*KNOWN, LIGHTS))
     ignored.update({"traffic light (a signal decides there, not the right of way)": len(root.findall(LIGHTS))})
     signs = {one.get("id", ""): one for one in root.findall("trafficSign")}
@@ -65,7 +66,9 @@ def read_commonroad(path: Path) -> LaneMap:
             ignored[f"direction in which the bounds of lanelet {id} are drawn: the left one is on the left"] += 1
         found[id] = replace(drawn, left=left, right=right)
     if not found:
-        raise ValueError(f"{path}: no lanelet on which cars drive")
+        alone = path.suffix == PROTOBUF and not left_out
+        where = "; where a scenario is three files, the map is one of its own" if alone else ""
+        raise ValueError(f"{path}: no lanelet on which cars drive{where}")
     for id, one in found.items():
         known = tuple(other for other in one.successors if other in found)
         ignored["successor that is not there, or not for cars"] += len(one.successors) - len(known)

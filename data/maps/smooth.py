@@ -5,12 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-import shapely
 from numpy.typing import NDArray
 
 from data.maps.bend import GRID, on_grid
 from data.maps.lanelets import LaneMap
-from intersection_env.maps.curve import Points, along
+from intersection_env.maps.curve import Points
 
 SPREAD = 1.5  # [m], ours: standard deviation of the smoothing; bounds are drawn with kinks
 EXACT = 0.03  # [m], ours: points of a line that deviate less are left out
@@ -26,12 +25,25 @@ def polyline(lane_map: LaneMap, ids: Sequence[str]) -> tuple[Points, NDArray[np.
     return _smoothed(points), width
 
 
-def telling(points: Points, width: NDArray[np.float64]) -> tuple[Points, NDArray[np.float64]]:
-    """The points without which the line would be another, and the width there."""
-    line = shapely.simplify(shapely.LineString(points), EXACT)
-    kept = shapely.get_coordinates(line)
-    place = shapely.line_locate_point(shapely.LineString(points), shapely.points(kept))
-    return kept, np.asarray(np.interp(place, along(points), width))
+def telling(line: NDArray[np.float64], exact: float = EXACT) -> NDArray[np.int64]:
+    """Indices of the points without which a line would be off by more than `exact` [m] (Douglas and Peucker).
+
+    line: (point, 2), or (point, 3) with the width, which is then kept as exactly.
+    """
+    kept, open_ = {0, len(line) - 1}, [(0, len(line) - 1)]
+    while open_:
+        begin, end = open_.pop()
+        if end - begin < 2:
+            continue
+        chord = line[end] - line[begin]
+        inner = line[begin + 1 : end] - line[begin]
+        off = inner - np.outer(inner @ chord / (chord @ chord), chord)
+        away = np.linalg.norm(off, axis=1)
+        if away.max() > exact:
+            middle = begin + 1 + int(away.argmax())
+            kept.add(middle)
+            open_ += [(begin, middle), (middle, end)]
+    return np.array(sorted(kept))
 
 
 def _smoothed(points: Points) -> Points:

@@ -200,7 +200,9 @@ def _lanes(
             if part not in names:
                 count = sum(one.startswith(f"{arm}_{direction}") for one in lanes)
                 names[part] = f"{arm}_{direction}" if not count else f"{arm}_{direction}{count + 1}"
-                lanes[names[part]] = Lane(*telling(*polyline(lane_map, part)))
+                points, width = polyline(lane_map, part)
+                kept = telling(points)
+                lanes[names[part]] = Lane(points[kept], width[kept])
         return tuple(names[part] for part in parts[chain])
 
     routes = []
@@ -209,7 +211,8 @@ def _lanes(
         approach, leaving = named(parts_of.approach, arm[0], "in"), named(parts_of.leaving, arm[1], "out")
         if cut[id] is None:
             points, width = polyline(lane_map, way.inside)
-            inside = telling(least_bent(points, room_of(width)), width)[0]
+            bent = least_bent(points, room_of(width))
+            inside = bent[telling(bent)]
             routes.append(RouteSource(id, *arm, approach, leaving, inside))
         else:
             interior = named(parts_of.inside, "ring", "lane")

@@ -1,4 +1,4 @@
-"""Maps of lanes become map sources that compile, whatever is not read or guessed is said, and bad files are refused."""
+"""Maps of lanes become map sources that compile, and whatever is not read or guessed is said."""
 
 from __future__ import annotations
 
@@ -18,14 +18,13 @@ from data.maps.utm import utm
 from data.recording import Recording
 from intersection_env.maps.intersection import Intersection
 from intersection_env.maps.source import MapSource
-from intersection_env.maps.source_values import LARGEST
+from tests.support.imported_maps import imported, refused
 from tests.support.lane_maps import (
     Drawn,
     Junction,
     Rule,
     into,
     junction,
-    origin,
     out_of,
     write_commonroad_map,
     write_lanelet2_map,
@@ -33,25 +32,6 @@ from tests.support.lane_maps import (
 
 ALL = {f"{a}-{b}" for a in "ENWS" for b in "ENWS" if a != b}
 INSIDE_E_W = 1002
-
-
-def imported(tmp_path: Path, drawn: Junction, *options: str, suffix: str = ".xml") -> MapSource:
-    path, out = tmp_path / f"map{suffix}", tmp_path / "out.json"
-    if suffix == ".osm":
-        write_lanelet2_map(path, drawn)
-        options = ("--origin", "{},{}".format(*origin()), *options)
-    else:
-        write_commonroad_map(path, drawn)
-    assert main([str(path), "--out", str(out), *options]) == 0
-    Intersection.load(out)
-    return MapSource.read(out)
-
-
-def refused(tmp_path: Path, capsys: pytest.CaptureFixture[str], path: Path, *options: str) -> str:
-    """The message; nothing is written."""
-    assert main([str(path), "--out", str(tmp_path / "out.json"), *options]) == 1
-    assert [one.name for one in tmp_path.iterdir() if one.suffix == ".json"] == []
-    return capsys.readouterr().err
 
 
 @pytest.mark.parametrize("suffix", [".xml", ".osm"])
@@ -235,46 +215,6 @@ def test_a_lane_drawn_backwards_is_named(tmp_path: Path, capsys: pytest.CaptureF
     assert not any(route.entry == "W" for route in MapSource.read(tmp_path / "out.json").routes)
 
 
-@pytest.mark.parametrize(
-    ("text", "words"),
-    [
-        ("", "not XML, or truncated"),
-        ("<osm></osm>", "the root element is <osm>; wanted <commonRoad>"),
-        ("<commonRoad/>", "no lanelet on which cars drive"),
-        ('<commonRoad><lanelet id="7"><leftBound/></lanelet></commonRoad>', "lanelet 7, leftBound: 0 points"),
-        (
-            '<commonRoad><lanelet id="7"><leftBound><point><x>a</x><y>0</y></point></leftBound></lanelet></commonRoad>',
-            "lanelet 7, leftBound: 'a'; wanted a finite number",
-        ),
-    ],
-)
-def test_a_damaged_map_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str], text: str, words: str) -> None:
-    (tmp_path / "map.xml").write_text(text)
-    assert words in refused(tmp_path, capsys, tmp_path / "map.xml")
-
-
-@pytest.mark.parametrize(
-    ("old", "new", "words"),
-    [
-        ('role="left"', 'role="middle"', "lanelet 100, left bound is missing"),
-        ('<nd ref="1"/>', '<nd ref="99999"/>', "lanelet 100, left bound: node 99999 of way 50000 is not in the file"),
-        ('lat="49.5', 'lat="149.5', "node 1 lies at 149.5"),
-        ('lat="49.5', 'lat="x49.5', "node 1, lat: 'x49.5"),
-        ('ref="50000"', 'ref="77"', "lanelet 100, left bound: way 77 is not in the file"),
-        ("</osm>", "", "not XML, or truncated"),
-    ],
-)
-def test_a_damaged_lanelet2_map_is_refused_by_lanelet(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], old: str, new: str, words: str
-) -> None:
-    path = tmp_path / "map.osm"
-    write_lanelet2_map(path, junction())
-    text = path.read_text()
-    assert old in text
-    path.write_text(text.replace(old, new, 1))
-    assert words in refused(tmp_path, capsys, path, "--origin", "{},{}".format(*origin()))
-
-
 def test_without_an_origin_one_is_guessed_and_around_zero_degrees_it_is_that_of_interaction(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -298,32 +238,6 @@ def test_signs_on_the_first_lanelets_inside_count_where_none_stands_before(tmp_p
     rights = {name: arm.right_of_way for name, arm in source.arms.items()}
     assert sorted(rights.values()) == ["priority", "priority", "stop", "stop"]
     assert rights["E"] == rights["W"]
-
-
-def test_a_map_of_other_metres_is_refused_with_its_distance(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    write_commonroad_map(tmp_path / "map.xml", junction().moved(300_000.0, 400_000.0))
-    assert "500.0 km from 0" in refused(tmp_path, capsys, tmp_path / "map.xml")
-    small = junction()
-    tiny = Junction({id: replace(one, centre=one.centre * 1e-4, width=1e-4) for id, one in small.lanelets.items()})
-    write_commonroad_map(tmp_path / "map.xml", tiny)
-    assert "map.xml: " in refused(tmp_path, capsys, tmp_path / "map.xml")
-
-
-@pytest.mark.parametrize(
-    ("options", "words"),
-    [
-        (("--around", "1,2"), '--around: "1,2"; wanted 3 numbers'),
-        (("--around", "0,0,-5"), "a radius of -5 m"),
-        (("--around", "900,0,5"), "no lanes cross or merge around"),
-        (("--origin", "1,2"), "--origin is for Lanelet2 maps"),
-        (("--shift", "nan,0"), "--shift"),
-    ],
-)
-def test_an_option_that_makes_no_sense_is_refused(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], options: tuple[str, str], words: str
-) -> None:
-    write_commonroad_map(tmp_path / "map.xml", junction())
-    assert words in refused(tmp_path, capsys, tmp_path / "map.xml", *options)
 
 
 def test_a_map_is_moved_to_where_cars_drive(tmp_path: Path) -> None:
@@ -382,54 +296,6 @@ def test_the_written_source_has_a_line_for_each_lane_and_route(tmp_path: Path) -
     content = json.loads(text)
     assert content["routes"]["E-W"].keys() == {"approach", "exit", "inside"}
     assert "around" in content["about"]
-
-
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        (("--name", "two words"), 'error: "name" must be one word'),
-        (("--name", "a/b"), 'error: "name" must be one word of letters, digits'),
-        (("--name", ""), 'error: "name" must be one word'),
-        (("--locations", "-1"), 'error: "locations" must be a list of integers'),
-    ],
-)
-def test_arguments_are_checked_before_the_map_is_read(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], options: tuple[str, ...], message: str
-) -> None:
-    assert main([str(tmp_path / "nowhere.osm"), "--out", str(tmp_path / "out.json"), *options]) == 1
-    assert capsys.readouterr().err.startswith(message)
-
-
-def test_a_source_that_nobody_can_read_is_refused_by_the_name_that_was_asked_for(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """The middle of the map is within reach, but not the lanes of its eastern arm."""
-    write_commonroad_map(tmp_path / "map.xml", junction().moved(LARGEST - 20.0, 0.0))
-    message = refused(tmp_path, capsys, tmp_path / "map.xml")
-    assert message.startswith(f"error: {tmp_path / 'out.json'}: ")
-    assert "E_" in message
-
-
-def test_a_source_that_does_not_compile_is_not_written(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    aside = {"W_in": np.array([[0.0, 50.0], [1.0, 50.0]])}
-    monkeypatch.setattr("data.maps.source_of._decided", lambda source, *_: replace(source, stop_lines=aside))
-    write_commonroad_map(tmp_path / "map.xml", junction())
-    message = refused(tmp_path, capsys, tmp_path / "map.xml")
-    assert message.startswith(f"error: {tmp_path / 'out.json'}: ")
-    assert 'must cross the stop line of "W_in" once' in message
-
-
-def test_where_no_junction_can_be_used_each_is_named_with_its_reason(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    inside = {id: replace(drawn, successors=()) for id, drawn in junction().lanelets.items() if id >= 1000}
-    away = {id + 5000: replace(one, id=id + 5000) for id, one in Junction(inside).moved(400.0, 30.0).lanelets.items()}
-    write_commonroad_map(tmp_path / "map.xml", Junction(inside | away))
-    message = refused(tmp_path, capsys, tmp_path / "map.xml")
-    assert "2 junctions are on this map, and none can be used:" in message
-    assert message.count("around ") == 2
 
 
 def test_a_junction_of_which_no_source_can_be_made_is_not_offered(tmp_path: Path) -> None:

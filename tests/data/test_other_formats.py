@@ -11,10 +11,10 @@ import pytest
 from data.build import build, main
 from data.formats import ind
 from data.formats.folder import format_of, read_location, read_recording, recording_file, recording_ids
-from data.maps.__main__ import main as maps
 from data.recording import Recording
 from intersection_env.maps.intersection import Intersection
 from intersection_env.scenes.scenes import Scenes
+from tests.support.commonroad_protobuf import write_protobuf
 from tests.support.other_formats import write_commonroad, write_interaction
 from tests.support.recordings import on_route, steady, walking, write_recording
 
@@ -36,13 +36,17 @@ def recording(tmp_path_factory: pytest.TempPathFactory) -> Recording:
     return ind.read_recording(folder, "07").resampled(0.2)
 
 
-@pytest.fixture(params=["interaction", "commonroad"])
+@pytest.fixture(params=["interaction", "commonroad", "commonroad in protobuf"])
 def folder(request: pytest.FixtureRequest, tmp_path: Path, recording: Recording) -> Path:
     if request.param == "interaction":
         write_interaction(tmp_path, "003", recording)
     else:
         for begin in range(0, int(recording.frame.max()) + 1, WINDOW):
-            write_commonroad(tmp_path / f"XX_Place-1_{begin}.xml", recording, begin, begin + WINDOW)
+            path = tmp_path / f"XX_Place-1_{begin}.xml"
+            write_commonroad(path, recording, begin, begin + WINDOW)
+            if request.param == "commonroad in protobuf":
+                write_protobuf(path, path.with_suffix(".pb"))
+                path.unlink()
     return tmp_path
 
 
@@ -109,18 +113,6 @@ def test_several_formats_in_one_folder_are_refused(folder: Path, tmp_path: Path,
         format_of(folder)
     with pytest.raises(FileNotFoundError, match="no recording here; wanted"):
         format_of(Path(__file__).parent)
-
-
-def test_scenarios_in_protobuf_are_refused_by_name(
-    tmp_path: Path, recording: Recording, capsys: pytest.CaptureFixture[str]
-) -> None:
-    (tmp_path / "XX_Place-1.pb").write_bytes(b"\x0a\x00")
-    refused(tmp_path, "XX_Place-1.pb: CommonRoad's protobuf is not read; write it as XML first")
-    assert maps([str(tmp_path / "XX_Place-1.pb"), "--out", str(tmp_path / "place.json")]) == 1
-    assert "XX_Place-1.pb: CommonRoad's protobuf is not read" in capsys.readouterr().err
-    assert not (tmp_path / "place.json").exists()
-    write_commonroad(tmp_path / "one.xml", recording, 0, WINDOW)
-    refused(tmp_path, "recordings of several formats: one.xml (CommonRoad), XX_Place-1.pb (CommonRoad in protobuf)")
 
 
 def test_scenarios_that_do_not_follow_each_other_are_recordings_of_their_own(
@@ -207,6 +199,8 @@ def test_who_walks_and_who_cycles_is_told_by_speed(tmp_path: Path, recording: Re
     [
         ("<type>car</type>", "<type>kiosk</type>", None),
         ("<exact>3</exact>", "<exact>5</exact>", "time step 5 follows 2; wanted each once, in order"),
+        ("<exact>0</exact>", "<exact>-1</exact>", "time step -1; wanted a whole number from 0 to 1000000"),
+        ("<x>", "<x>1000000000", "m from 0; wanted at most 1e+08"),
         ("<x>", "<z>", "not XML, or truncated"),
         ("<length>4.5</length>", "", "length: nothing; wanted a finite number"),
         ("<length>4.5</length>", "<length>-1</length>", "length of obstacle 1010 (car) is -1 m"),
@@ -254,3 +248,5 @@ def test_a_standing_obstacle_is_there_all_along(tmp_path: Path, recording: Recor
     assert found.road_user[index] == "car"
     assert found.frame[rows].tolist() == list(range(int(found.frame.max()) + 1))
     assert set(found.x[rows].tolist()) == {5.0}
+    path.write_text(path.read_text().replace('<staticObstacle id="9">', '<staticObstacle id="1010">'))
+    refused(tmp_path, "one.xml: obstacle 1010 is there twice")
