@@ -96,9 +96,7 @@ def _case(scene: Traffic, isa: str, row: str, scenarios: int, threads: int = 1) 
     if driver == "assigned":
         assignments = _orders(scene, scenarios)
     safety = row.endswith(DISTANCES)
-    return lambda: _microseconds(
-        lambda: predictor.predict(scene.core, assignments, False, safety, None, isa), scenarios
-    )
+    return lambda: _microseconds(lambda: predictor.summarize(scene.core, assignments, safety, isa), scenarios)
 
 
 def _orders(scene: Traffic, scenarios: int) -> NDArray[np.int8]:
@@ -197,7 +195,7 @@ def latency(scene: Traffic, most: int) -> dict[str, Spread]:
         taken = np.zeros(calls, np.int64)
         for k in range(calls):
             begin = time.perf_counter_ns()
-            core.predict(scene.core, assignment, False, safety)
+            core.summarize(scene.core, assignment, safety)
             taken[k] = time.perf_counter_ns() - begin
         percentiles = np.percentile(taken, (50.0, 99.0, 99.9)) / 1e3
         latencies[row] = dict(zip(("p50", "p99", "p99.9"), percentiles.tolist(), strict=True)) | {"calls": calls}

@@ -84,6 +84,8 @@ def _predict(given: Given, driver: str, n: str, isa: str, distances: str = "no")
         cooperative, first = np.ones(len(scene), np.uint8), np.full(len(scene.conflicts), -1, np.int8)
         assignments = _core.Orders(scene.intersection.core, scene.core, cooperative, first).next(count)
         assert len(assignments) == count
+    if hasattr(predictor, "summarize"):
+        return _seconds(lambda: predictor.summarize(scene.core, assignments, distances == "yes", isa), count)
     return _seconds(lambda: predictor.predict(scene.core, assignments, False, distances == "yes", None, isa), count)
 
 

@@ -234,11 +234,11 @@ class Predictor:
         assignments = as_assignments(traffic, priorities)
         with naming(traffic.ids):
             bound = self.bound_to(traffic.intersection)
-            results = bound.predict(traffic.core, assignments, trajectories, True)
+            if not trajectories:
+                return Summary(traffic, *bound.summarize(traffic.core, assignments, True))
+            results = bound.predict(traffic.core, assignments, True, True)
         position, speed, acceleration, enters, present, *_ = results
         *_, time_loss, minimum_distance, hold, completed, waited, patience = results
-        if not trajectories:
-            return Summary(traffic, time_loss, minimum_distance)
         time = np.arange(STEPS + 1, dtype=np.float32) * np.float32(DT)
         return Prediction(
             traffic,

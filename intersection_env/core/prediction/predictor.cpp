@@ -1,6 +1,7 @@
 #include "prediction/predictor.hpp"
 
 #include <algorithm>
+#include <array>
 #include <atomic>
 #include <cmath>
 #include <functional>
@@ -156,38 +157,29 @@ Predictor::~Predictor() = default;
 
 void Predictor::add_candidates(const Traffic& traffic, int i, Bound& bound) const {
     const int route = traffic.route[at(i)];
+    const float rear = traffic.rear(i);
     for (int j = 0; j < traffic.count(); ++j) {
-        const int other = traffic.route[at(j)];
         if (i == j) {
             continue;
         }
-        LeadCandidate candidate{};
-        candidate.other = j;
-        candidate.half_lengths = 0.5F * (traffic.length[at(i)] + traffic.length[at(j)]);
-        candidate.same_stop_lane = map_->routes[at(route)].stop_lane == map_->routes[at(other)].stop_lane;
-        if (route == other) {
-            candidate.begin = EVERYWHERE.begin;
-            candidate.end = EVERYWHERE.end;
-            bound.candidates.push_back(candidate);
-            continue;
-        }
-        for (const SharedLane& row : map_->shared_lanes_of(route, other)) {
-            const SharedLane lane = row.seen_from(route);
-            candidate.begin = lane.begin_b;
-            candidate.end = lane.end;
-            candidate.offset = lane.offset;
-            if (std::max(traffic.rear(i), traffic.rear(j) - lane.offset) < lane.end) { // nobody drives backwards
-                bound.candidates.push_back(candidate);
+        for (const LeadLane& lane : tables_.lead_lanes_of(route, traffic.route[at(j)])) {
+            if (std::max(rear, traffic.rear(j) - lane.offset) < lane.end) { // nobody drives backwards
+                bound.candidates.push_back({j, lane.begin, lane.end, lane.offset,
+                                            0.5F * (traffic.length[at(i)] + traffic.length[at(j)]),
+                                            lane.same_stop_lane});
             }
         }
     }
 }
 
 void Predictor::add_touches(const Traffic& traffic, Bound& bound) const {
-    const auto half_diagonal = [&](int i) { return 0.5F * std::hypot(traffic.length[at(i)], traffic.width[at(i)]); };
+    std::array<float, MAX_VEHICLES> half_diagonal{};
+    for (int i = 0; i < traffic.count(); ++i) {
+        half_diagonal[at(i)] = 0.5F * std::hypot(traffic.length[at(i)], traffic.width[at(i)]);
+    }
     for (int a = 0; a < traffic.count(); ++a) {
         for (int b = a + 1; b < traffic.count(); ++b) {
-            Touch touch{a, b, EVERYWHERE, EVERYWHERE, half_diagonal(a) + half_diagonal(b) + ROUNDED_REACH};
+            Touch touch{a, b, EVERYWHERE, EVERYWHERE, half_diagonal[at(a)] + half_diagonal[at(b)] + ROUNDED_REACH};
             // who overlaps from the start, as perception may have it, does not count
             const auto apart = [&] { return clearance(*map_, body(traffic, a), body(traffic, b)) > 0.0F; };
             if (traffic.route[at(a)] == traffic.route[at(b)]) {
@@ -208,7 +200,8 @@ void Predictor::add_touches(const Traffic& traffic, Bound& bound) const {
     }
 }
 
-void Predictor::bind(const Traffic& traffic, std::span<const Pair> pairs, const Kernel& kernel, Bound& bound) const {
+void Predictor::bind(const Traffic& traffic, std::span<const Pair> pairs, bool distances, const Kernel& kernel,
+                     Bound& bound) const {
     bound.vehicles.clear();
     bound.candidates.clear();
     bound.pairs.clear();
@@ -238,7 +231,9 @@ void Predictor::bind(const Traffic& traffic, std::span<const Pair> pairs, const 
                                entry(pair.prioritized, conflict.on_prioritized), conflict.line, conflict.merging,
                                conflict.by_arrival});
     }
-    add_touches(traffic, bound);
+    if (distances) {
+        add_touches(traffic, bound);
+    }
     bound.lanes.fill(bound.vehicles, bound.candidates, bound.pairs);
     bind_patience(traffic, pairs, kernel, bound);
 }
@@ -282,7 +277,7 @@ std::vector<float> Predictor::patience(const Traffic& traffic, std::span<const d
     }
     Memory& own = memory();
     find_open_pairs(traffic, own.pairs);
-    bind(traffic, own.pairs, kernel, own.bound);
+    bind(traffic, own.pairs, false, kernel, own.bound);
     own.bound.gap_logits.resize(own.pairs.size());
     kernel.gap_logits(problem(own.bound), own.bound.gap_logits.data());
     std::vector<float> result;
@@ -319,7 +314,7 @@ void Predictor::observe(const Traffic& traffic, std::span<const Pair> pairs, flo
     check_count(pairs.size());
     Memory& own = memory();
     own.workspaces.serve(kernel);
-    bind(traffic, pairs, kernel, own.bound);
+    bind(traffic, pairs, false, kernel, own.bound);
     kernel.observe(problem(own.bound), {driving, gap, accepts}, *own.workspaces.block);
 }
 
@@ -344,7 +339,7 @@ void Predictor::predict(const Traffic& traffic, std::span<std::int8_t> assignmen
     for (int s = 0; s < scenarios; ++s) {
         own.completion.complete(assignments.subspan(at(s) * pair_count, pair_count));
     }
-    bind(traffic, pairs, kernel, own.bound);
+    bind(traffic, pairs, results.minimum_distance != nullptr, kernel, own.bound);
     const Problem shared = problem(own.bound);
     const Batch batch{shared, assignments, decisions, results, scenarios};
     const int blocks = (scenarios + kernel.lanes - 1) / kernel.lanes;

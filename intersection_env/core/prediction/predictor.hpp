@@ -63,7 +63,9 @@ class Predictor {
     struct Crew;       // the threads that help with a large batch
     static Memory& memory();
     void find_open_pairs(const Traffic& traffic, std::vector<Pair>& pairs) const;
-    void bind(const Traffic& traffic, std::span<const Pair> pairs, const Kernel& kernel, Bound& bound) const;
+    // distances: whether they are asked for, and who can touch whom has to be known.
+    void bind(const Traffic& traffic, std::span<const Pair> pairs, bool distances, const Kernel& kernel,
+              Bound& bound) const;
     void bind_patience(const Traffic& traffic, std::span<const Pair> pairs, const Kernel& kernel, Bound& bound) const;
     Problem problem(const Bound& bound) const;
     void add_candidates(const Traffic& traffic, int i, Bound& bound) const;

@@ -31,6 +31,18 @@ std::vector<float> free_speed(const Map& map, const Route& route, const IdmParam
     return speed;
 }
 
+void add_lead_lanes(const Map& map, int route, int other, std::vector<LeadLane>& lanes) {
+    if (route == other) {
+        lanes.push_back({-FAR, FAR, 0.0F, true});
+        return;
+    }
+    const auto stop_lane = [&map](int one) { return map.routes[static_cast<std::size_t>(one)].stop_lane; };
+    for (const SharedLane& row : map.shared_lanes_of(route, other)) {
+        const SharedLane lane = row.seen_from(route);
+        lanes.push_back({lane.begin_b, lane.end, lane.offset, stop_lane(route) == stop_lane(other)});
+    }
+}
+
 } // namespace
 
 RouteTables::RouteTables(const Map& map, const IdmParameters& idm) {
@@ -44,6 +56,14 @@ RouteTables::RouteTables(const Map& map, const IdmParameters& idm) {
             pose.insert(pose.end(), {sample.x, sample.y, sample.heading, 0.0F});
         }
     }
+    const int count = static_cast<int>(map.routes.size());
+    for (int route = 0; route < count; ++route) {
+        for (int other = 0; other < count; ++other) {
+            first_lane.push_back(lead_lanes.size());
+            add_lead_lanes(map, route, other, lead_lanes);
+        }
+    }
+    first_lane.push_back(lead_lanes.size());
 }
 
 } // namespace intersection_env
