@@ -66,15 +66,15 @@ class Trainings:
         order = workspace.scenes_stages()
         stage("gap", order, policy("gap"), self._gap, effort=effort, order=order)
         stage("idm", ["gap"], policy("idm_calibrated"), self._idm, effort=effort)
-        larger, rollouts = [], policy("rollout_gradient")
+        needed, rollouts = ["gap", "idm"], policy("rollout_gradient")
         if workspace.simulated:
             how = {"times": LARGER, "recordings": OF_LARGER}
             stage("larger", order, workspace.larger_made, self._larger, **how)
-            larger.append("larger")
-        stage("rollout_gradient", ["gap", "idm", *larger], rollouts, self._rollout_gradient, seeds=seeds, effort=effort)
+            needed.append("larger")
+        stage("rollout_gradient", needed, rollouts, self._rollout_gradient, seeds=seeds, effort=effort)
         stage("ppo", ["gap"], policy("ppo"), self._ppo, seeds=seeds, effort=effort)
         stage("gail", ["ppo", "idm"], policy("gail"), self._gail, effort=effort)
-        makers = ["gap", "idm", "rollout_gradient", "ppo", "gail", *larger]
+        makers = ["gap", "idm", "rollout_gradient", "ppo", "gail"]
         stage("forecasts", makers, workspace.forecasting("orders"), self._forecasts, effort=effort)
         drivers, limits = ["rollout_gradient", "gail"], [LEAST_SPEED, LEAST_MEAN_SPEED, MOST_COLLISIONS]
         stage("default", ["idm", *drivers, "forecasts"], self.workspace.default, self._default, limits=limits)
@@ -135,8 +135,7 @@ class Trainings:
     def _forecasts(self) -> None:
         """The order network, and each policy with it and with the spread of its own drivers."""
         run, epochs = self.workspace.run_of("orders"), self.workspace.epochs(ORDER_PROFILES["default"][1].epochs)
-        scenes = self.workspace.learned_from(self.workspace.places)
-        arguments = [*scenes, "--policy", str(self.workspace.policy("idm_calibrated"))]
+        arguments = [*self._everywhere, "--policy", str(self.workspace.policy("idm_calibrated"))]
         run_module("agents.orders", "default", *arguments, "--run", str(run), "--epochs", str(epochs), "--resume")
         learned, places = PolicyFile.read(run / "orders.policy"), self.workspace.all_scenes()
         for name in TRAINED:
