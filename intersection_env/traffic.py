@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from intersection_env import _core
-from intersection_env.arguments import check_type
+from intersection_env.arguments import check_type, number
 from intersection_env.maps.intersection import Intersection
 
 FLOAT_FIELDS = ("position", "speed", "length", "width", "max_speed")
@@ -140,7 +140,7 @@ class Traffic:
         """The traffic of vehicles written by hand.
 
         Raises:
-            TypeError: no loaded intersection, or what is no vehicle.
+            TypeError: no loaded intersection, what is no vehicle, or a text instead of a number.
             ValueError: no such route, or a value out of range.
         """
         if not isinstance(intersection, Intersection):
@@ -149,7 +149,8 @@ class Traffic:
         for row in rows:
             check_type("vehicles holds an entry that", row, Vehicle)
         columns: dict[str, Any] = {
-            name: np.array([getattr(row, name) for row in rows], dtype=np.float32) for name in FLOAT_FIELDS
+            name: np.array([number(f"{name} of vehicle {row.id}", getattr(row, name)) for row in rows], np.float32)
+            for name in FLOAT_FIELDS
         }
         route = np.array([intersection.route_index(row.route) for row in rows], dtype=np.int32)
         return cls(intersection, tuple(row.id for row in rows), route, **columns)

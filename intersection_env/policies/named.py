@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
-from intersection_env.arguments import file_there, name_or_file
+from intersection_env.arguments import file_there, name_or_file, word
 from intersection_env.policies.file import PolicyFile
 
 POLICIES = Path(__file__).parent
@@ -48,7 +48,7 @@ def policy_named(policy: str | Path, gap: str | None = None) -> tuple[PolicyFile
         gap: for rules only, who accepts a gap: one of `GAP_RULES`, by default the first.
 
     Raises:
-        TypeError: neither a name nor a path.
+        TypeError: neither a name nor a path; or a `gap` that is no string.
         ValueError: an unknown name, a policy file that is damaged or made for something else, or a `gap` for a policy
             that brings its own.
         OSError: the file is not there, or cannot be read.
@@ -56,6 +56,8 @@ def policy_named(policy: str | Path, gap: str | None = None) -> tuple[PolicyFile
     if str(policy) in RULES:
         if gap == "network":
             raise ValueError(f'"{policy}" has no gap network; gap must be "critical_gap" or "sumo"')
+        if gap is not None and word("gap", gap, GAP_RULES) not in GAP_RULES:
+            raise ValueError(f'gap is "{gap}"; the rules are {", ".join(GAP_RULES)}')
         return PolicyFile(gap or GAP_RULES[0], str(policy)), str(policy)
     if gap is not None:
         raise ValueError(f'gap belongs to the rules {", ".join(RULES)}; the policy "{policy}" brings its own')

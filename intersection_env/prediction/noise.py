@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -41,7 +42,9 @@ def drawn(traffic: Traffic, noise: Noise, generator: np.random.Generator) -> Tra
     length = np.array([traffic.intersection.routes[route].length for route in traffic.route.tolist()])
     position = np.clip(traffic.position + noise.position * generator.normal(size=len(traffic)), 0.0, length)
     speed = np.maximum(traffic.speed + noise.speed * generator.normal(size=len(traffic)), 0.0)
-    other = replace(traffic, position=position.astype(np.float32), speed=speed.astype(np.float32))
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)  # of speeds: they were doubted where they were given
+        other = replace(traffic, position=position.astype(np.float32), speed=speed.astype(np.float32))
     if set(other.overlaps) - set(traffic.overlaps):
         raise ValueError("vehicles {} and {} overlap".format(*other.overlaps[0]))
     return other

@@ -192,8 +192,10 @@ def test_unknown_policy_names_what_there_is() -> None:
         Predictor.load("hero")
     with pytest.raises(FileNotFoundError):
         Predictor.load("missing.policy")
-    with pytest.raises(ValueError, match='gap must be "critical_gap"'):
+    with pytest.raises(ValueError, match='gap is "courage"; the rules are critical_gap, sumo'):
         Predictor.load("idm", gap="courage")
+    with pytest.raises(TypeError, match="gap is 3; wanted critical_gap or sumo"):
+        Predictor.load("idm", gap=3)  # type: ignore[arg-type]
     with pytest.raises(ValueError, match='"idm" has no gap network'):
         Predictor.load("idm", gap="network")
     with pytest.raises(ValueError, match='the policy "gap" brings its own'):

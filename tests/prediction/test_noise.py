@@ -119,3 +119,13 @@ def test_traffic_without_conflicts_has_one_empty_order_in_every_draw(
 ) -> None:
     noisy = forecast(predictor, Traffic.of(T, vehicles), noise=Noise(draws=2))
     assert by_order(noisy) == {(): 1.0}
+
+
+def test_draws_do_not_doubt_speeds(predictor: Predictor, recwarn: pytest.WarningsRecorder) -> None:
+    """A traffic whose speeds are doubted says so itself; errors make some of others faster than that."""
+    fast = Traffic.of(
+        T, [Vehicle("a", T.routes[0].id, 10.0, 2.0 * float(T.sample(0, np.array([10.0], np.float32))[0, 4]))]
+    )
+    assert not recwarn.list
+    forecast(predictor, fast, noise=Noise(0.0, 2.0, draws=8))
+    assert not recwarn.list

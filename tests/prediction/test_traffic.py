@@ -72,3 +72,9 @@ def test_more_vehicles_than_a_traffic_may_hold_are_refused() -> None:
     vehicles = [Vehicle(str(k), "W-E", 1.0 + 4.6 * k, 0.0, length=4.0) for k in range(65)]
     with pytest.raises(ValueError, match="65 vehicles are more than the 64"):
         Traffic.of(T, vehicles)
+
+
+@pytest.mark.parametrize("wrong", ["12", None, True])
+def test_what_is_no_number_is_refused_by_name(wrong: Any) -> None:
+    with pytest.raises(TypeError, match=rf"speed of vehicle b is {wrong!r}; wanted a number"):
+        Traffic.of(T, [Vehicle("a", "W-E", 0.0, 8.0), Vehicle("b", "W-E", 40.0, wrong)])
