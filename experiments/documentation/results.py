@@ -19,6 +19,7 @@ import pandas as pd
 from experiments.report.baseline import baselines_in, baselines_table
 from experiments.report.headlines import headlines
 from experiments.results_files import results_in
+from experiments.show.against import against_table
 from experiments.show.environment_speed import environments_section, training_sentence
 from experiments.show.forecast import forecast_text
 from experiments.show.gap import accuracy_table
@@ -90,6 +91,7 @@ def page() -> str:
         "perception": perception_text(results["perception_validation"]),
         "speed": speed_section(bench),
         "environments": environments_section(bench["environments"]),
+        "against": against_table(json.loads((RESULTS / "against.json").read_text(encoding="utf-8"))),
     }
     if "training" in bench:
         tables["environments"] += f"\n\n{training_sentence(bench['training'])}"
