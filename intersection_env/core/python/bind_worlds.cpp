@@ -159,6 +159,9 @@ void bind_closed_loop(nb::module_& m) {
                 },
                 "map"_a, "policy"_a, "worlds"_a, "vehicles"_a, "max_cycles"_a, "autoreset"_a, "threads"_a,
                 "isa"_a = nb::none(), "bodies"_a = "circles")
+            .def_prop_ro("is_plain", &ClosedLoop::is_plain,
+                         "Whether no two routes of the map have more to do with each other than a lane before a split, "
+                         "or one conflict and the lane after it: steps are faster then.")
             .def("reset", &ClosedLoop::reset, "seed"_a, "desynchronise"_a, nb::call_guard<nb::gil_scoped_release>())
             .def(
                 "reset_worlds",

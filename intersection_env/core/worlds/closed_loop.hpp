@@ -25,6 +25,8 @@ class ClosedLoop {
 
     int worlds() const { return worlds_; }
     int vehicles() const { return vehicles_; }
+    // Whether one short row says what two routes are to each other, which is faster.
+    bool is_plain() const { return tables_.rows().links == nullptr; }
 
     // World after world; the next step overwrites them.
     using Buffers = ClosedLoopBuffers<Values>;
