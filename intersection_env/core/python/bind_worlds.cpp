@@ -191,10 +191,10 @@ void bind_replay(nb::module_& m) {
             [](Replay* self, std::shared_ptr<const Map> map, Policy policy, bool recording, const Arrays& scenes,
                const Vector<std::int32_t>& actors, int worlds, const std::string& autoreset, int threads,
                const std::optional<std::string>& isa, const std::string& bodies) {
-                RecordedScenes recorded = scenes_of(scenes);
+                const RecordedScenes recorded = scenes_of(scenes);
                 std::vector<std::int32_t> may_act = copy(actors);
                 const nb::gil_scoped_release release;
-                new (self) Replay(std::move(map), std::move(policy), recording, std::move(recorded), std::move(may_act),
+                new (self) Replay(std::move(map), std::move(policy), recording, recorded, std::move(may_act),
                                   worlds, bodies_named(bodies), autoreset_named(autoreset), threads,
                                   isa ? kernel_named(*isa) : kernel_for_worlds(worlds));
             },

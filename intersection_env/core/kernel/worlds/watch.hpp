@@ -1,0 +1,74 @@
+// The recorded vehicles along their tracks: what they saw, and what they decided. It depends on the recording alone.
+#pragma once
+
+#include "kernel/worlds/companions.hpp"
+
+namespace intersection_env::INTERSECTION_ENV_ISA {
+
+// What a recorded vehicle sees at the present step; returns who decides to go. before: mask, had it decided to go.
+inline Ints watch_step(const ReplayArguments& g, Ints before, ReplayLanes& run) {
+    Slot& own = run.own;
+    take_recorded(g, all_ints(-1), run, own);
+    observe_vehicle(g.map, own);
+    own.delta = before;
+    if (g.map.stops != 0) {
+        remember_stop(own);
+    }
+    for_each_companion(g, run, [&](const Companions& them) { meet(g, them, run); });
+    answer_rest(g.gap_network, run.open, [&own](int l) { own.refused[l] = -1; });
+    return ~own.refused;
+}
+
+// Watches some tracks, one a lane, from step to step.
+inline void watch(const ReplayArguments& g, ReplayLanes& run) {
+    Slot& own = run.own;
+    for (int l = 0; l < WIDTH; ++l) {
+        run.track[l] = g.given[g.first_world + (l < g.worlds ? l : 0)];
+    }
+    load_track(g, run);
+    run.open.count = 0;
+    own.hold = all_ints(-1);
+    const Ints are_watched = lane_numbers() < g.worlds;
+    for (run.time = run.first_step; any(run.time < run.end_step); run.time += 1) {
+        run.exists = are_watched & (run.time < run.end_step);
+        run.time = run.time < run.end_step ? run.time : run.end_step - 1;
+        // Only at an all-way stop it matters to whom others yield what it decided before.
+        const Ints from_waiting = watch_step(g, Ints{}, run);
+        const Ints from_going = g.map.stops != 0 ? watch_step(g, all_ints(-1), run) : from_waiting;
+        const Ints sample = run.sample(), settled = under_way(own);
+        for (unsigned lanes = bits(run.exists); lanes != 0; lanes &= lanes - 1) {
+            const int l = __builtin_ctz(lanes);
+            float* seen = g.seen + static_cast<long>(sample[l]) * SEEN_COLUMNS;
+            seen[0] = own.lead_distance[l];
+            seen[1] = own.lead_speed[l];
+            g.goes[sample[l]] = static_cast<std::uint8_t>((from_waiting[l] != 0 ? GOES_FROM_WAITING : 0U) |
+                                                          ((from_going | settled)[l] != 0 ? GOES_FROM_GOING : 0U));
+        }
+    }
+}
+
+// What the recorded vehicle decides at the present step; run.expert_delta: what it did before.
+inline void recall_decision(const ReplayArguments& g, ReplayLanes& run) {
+    const Ints sample = run.sample();
+    Ints goes;
+    for (int l = 0; l < WIDTH; ++l) {
+        goes[l] = g.recorded.goes[sample[l]];
+    }
+    goes &= run.expert_delta ? all_ints(GOES_FROM_GOING) : all_ints(GOES_FROM_WAITING);
+    run.expert_delta = goes != 0;
+}
+
+// The recorded vehicle as it is at the present step, with all that it sees and what it has decided.
+inline Slot recalled(const ReplayArguments& g, const ReplayLanes& run) {
+    Slot expert = run.own;
+    take_recorded(g, all_ints(-1), run, expert);
+    observe_vehicle(g.map, expert);
+    Floats seen[4];
+    load_rows<1>(g.recorded.seen, run.sample() * SEEN_COLUMNS, seen);
+    expert.lead_distance = seen[0];
+    expert.lead_speed = seen[1];
+    expert.delta = run.expert_delta;
+    return expert;
+}
+
+} // namespace intersection_env::INTERSECTION_ENV_ISA
