@@ -5,6 +5,7 @@
 #include <cmath>
 #include <memory>
 #include <optional>
+#include <span>
 #include <string>
 #include <type_traits>
 #include <vector>
@@ -75,11 +76,12 @@ void bind_buffers(nb::class_<Worlds>& bound) {
     });
 }
 
+// The arrays of a dictionary, which keeps them alive, as they lie in memory.
 RecordedScenes scenes_of(const Arrays& arrays) {
     RecordedScenes s;
-    const auto take = [&arrays]<class T>(const char* name, std::vector<T>& values) {
+    const auto take = [&arrays]<class T>(const char* name, std::span<const T>& values) {
         const auto array = taken<T>(arrays, name);
-        values.assign(array.data(), array.data() + array.size());
+        values = {array.data(), array.size()};
     };
     take("scene_tracks", s.scene_tracks);
     take("track_samples", s.track_samples);
@@ -90,8 +92,7 @@ RecordedScenes scenes_of(const Arrays& arrays) {
     take("track_max_speed", s.max_speed);
     take("position", s.position);
     take("speed", s.speed);
-    const auto observed = taken<bool>(arrays, "observed");
-    s.observed.assign(observed.data(), observed.data() + observed.size());
+    take("observed", s.observed);
     return s;
 }
 

@@ -236,7 +236,7 @@ void Recorded::add_companion(const Source& from, int own, int other, const Confl
 void Recorded::add_track(const Source& from, int track) {
     const RecordedScenes& scenes = from.scenes;
     const long begin = scenes.first_sample(track), end = scenes.end_sample(track);
-    const auto seen = std::find(scenes.observed.begin() + begin, scenes.observed.begin() + end, 1);
+    const auto seen = std::find(scenes.observed.begin() + begin, scenes.observed.begin() + end, true);
     const long recorded = std::min(seen - scenes.observed.begin(), std::max(end - 2, begin)) - begin;
     tracks_.insert(tracks_.end(),
                    {static_cast<float>(scenes.route[at(track)]), scenes.half_length(track),

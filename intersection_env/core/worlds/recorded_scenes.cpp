@@ -20,7 +20,7 @@ void check_lengths(const RecordedScenes& s) {
         s.observed.size() != samples || s.scene_tracks.empty()) {
         refuse_scenes("arrays of different lengths");
     }
-    const auto rises = [](const std::vector<std::int64_t>& offsets, std::size_t end) {
+    const auto rises = [](std::span<const std::int64_t> offsets, std::size_t end) {
         return offsets.front() == 0 && std::is_sorted(offsets.begin(), offsets.end()) && at(offsets.back()) == end;
     };
     if (!rises(s.scene_tracks, tracks) || !rises(s.track_samples, samples)) {
@@ -51,7 +51,7 @@ void check(const Map& map, const RecordedScenes& s, const std::vector<std::int32
             refuse_scenes((which + " has no sample, or a route, start or size out of range").c_str());
         }
     }
-    const auto finite = [](const std::vector<float>& values) {
+    const auto finite = [](std::span<const float> values) {
         return std::all_of(values.begin(), values.end(), [](float x) { return std::fabs(x) < FAR; });
     };
     if (!finite(s.position) || !finite(s.speed)) {

@@ -3,19 +3,20 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <span>
 #include <vector>
 
 #include "intersection_env/map.hpp"
 
 namespace intersection_env {
 
-// As in the scenes file. One entry a scene, a track or a sample; offsets have one more.
+// As in the scenes file, in somebody else's memory. One entry a scene, a track or a sample; offsets have one more.
 struct RecordedScenes {
-    std::vector<std::int64_t> scene_tracks, track_samples;
-    std::vector<std::int32_t> route, start; // start: step of the scene at which a track appears
-    std::vector<float> length, width, max_speed;
-    std::vector<float> position, speed;
-    std::vector<std::uint8_t> observed;
+    std::span<const std::int64_t> scene_tracks, track_samples;
+    std::span<const std::int32_t> route, start; // start: step of the scene at which a track appears
+    std::span<const float> length, width, max_speed;
+    std::span<const float> position, speed;
+    std::span<const bool> observed;
 
     int tracks() const { return static_cast<int>(route.size()); }
     long samples() const { return static_cast<long>(position.size()); }
