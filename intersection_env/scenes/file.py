@@ -177,9 +177,34 @@ def pack_tracks(scenes: tuple[Scene, ...]) -> dict[str, NDArray[Any]]:
 
 
 def joined(tracks: Sequence[Track], name: str) -> NDArray[Any]:
-    """One array of `pack` that has an entry a sample."""
+    """One array of `pack` that has an entry a sample, to be read only.
+
+    Tracks that `unpack` made, and lie one after the other, as those of a split do, need no copy.
+    """
+    parts: list[NDArray[Any]] = [getattr(track, name) for track in tracks]
     dtype = np.dtype(ARRAYS[name][0])
-    return np.concatenate([np.zeros(0, dtype), *(getattr(track, name) for track in tracks)]).astype(dtype, copy=False)
+    whole = _view_of_all(parts)
+    if whole is None or whole.dtype != dtype:
+        return np.concatenate([np.zeros(0, dtype), *parts]).astype(dtype, copy=False)
+    return whole
+
+
+def _view_of_all(parts: Sequence[NDArray[Any]]) -> NDArray[Any] | None:
+    """What these make up as views of one array, one after the other; None where they are none."""
+    base = parts[0].base if parts else None
+    if not isinstance(base, np.ndarray) or base.ndim != 1 or not all(part.base is base for part in parts):
+        return None
+    places = [_address(part) for part in parts]
+    end = np.cumsum([places[0], *(part.nbytes for part in parts)])
+    if base.strides != (base.itemsize,) or not np.array_equal(end[:-1], places):
+        return None
+    first = (places[0] - _address(base)) // base.itemsize
+    return base[first : first + sum(len(part) for part in parts)]
+
+
+def _address(array: NDArray[Any]) -> int:
+    place: int = array.__array_interface__["data"][0]
+    return place
 
 
 def unpack(arrays: dict[str, NDArray[Any]], intersection: Intersection) -> tuple[Scene, ...]:

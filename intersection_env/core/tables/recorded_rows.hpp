@@ -17,13 +17,13 @@ constexpr int COMPANION_COLUMNS = 16;
 // conflict's line, half length, half width; other's first sample, first step, end step, route. Two routes that conflict
 // twice, or share two lanes, have two rows.
 constexpr float BY_ARRIVAL = 3.0F;
-constexpr int SEEN_COLUMNS = 2; // what the recorded vehicle of a sample sees: distance and speed of its lead
 constexpr int WINDOW_STEPS = 8;
 // of a track, from its first step on; where in the list those of its companions begin that can matter in it; they end
 // where the next window's begin
 
-// What the recorded vehicle of a sample decides, had it decided to wait before, and had it decided to go; one bit each.
-constexpr unsigned GOES_FROM_WAITING = 1, GOES_FROM_GOING = 2;
+// What the recorded vehicle of a sample saw, a whole number: what it decides had it decided to wait before, and had it
+// decided to go, one bit each; above them which companion leads it, counted from 1, or 0.
+constexpr std::int32_t GOES_FROM_WAITING = 1, GOES_FROM_GOING = 2, LEADS = 4;
 
 // When a collision with a companion is the acting vehicle's fault.
 enum class Fault : std::uint8_t { never, always, before_own_end, past_other_end, looked_up };
@@ -34,10 +34,9 @@ struct Grid {
 };
 
 struct RecordedRows {
-    const float *tracks, *samples, *companions, *seen;
+    const float *tracks, *samples, *companions;
     const float* v_max; // of each sample, or null where no gap decision asks for it
-    const std::uint8_t* goes;
-    const std::int32_t *actors, *windows, *listed;
+    const std::int32_t *seen, *actors, *windows, *listed;
     int actor_count;
     Grid grid;
 };

@@ -110,17 +110,15 @@ Recorded::Recorded(const Map& map, const RecordedScenes& scenes, std::vector<std
     for (auto* numbers : {&windows_, &listed_}) {
         numbers->shrink_to_fit();
     }
-    seen_.resize(at(scenes.samples()) * SEEN_COLUMNS + PAD);
-    goes_.resize(at(scenes.samples()));
+    seen_.resize(at(scenes.samples()));
 }
 
 RecordedRows Recorded::rows() const {
     return {tracks_.data(),
             samples_.data(),
             companions_.data(),
-            seen_.data(),
             v_max_.empty() ? nullptr : v_max_.data(),
-            goes_.data(),
+            seen_.data(),
             actors_.data(),
             windows_.data(),
             listed_.data(),

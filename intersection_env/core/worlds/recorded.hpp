@@ -19,9 +19,7 @@ class Recorded {
              bool needs_v_max);
 
     RecordedRows rows() const;
-    // What a kernel that watches fills in: SEEN_COLUMNS, or one, a sample.
-    float* seen() { return seen_.data(); }
-    std::uint8_t* goes() { return goes_.data(); }
+    std::int32_t* seen() { return seen_.data(); } // one a sample, which a kernel that watches fills in
 
     int tracks() const { return static_cast<int>(tracks_.size()) / TRACK_COLUMNS; }
     int first_step(int track) const { return step(track, 5); }
@@ -52,9 +50,8 @@ class Recorded {
         return static_cast<int>(tracks_[static_cast<std::size_t>(track * TRACK_COLUMNS + column)]);
     }
 
-    std::vector<std::int32_t> actors_, windows_, listed_;
-    std::vector<float> tracks_, samples_, v_max_, companions_, seen_;
-    std::vector<std::uint8_t> goes_;
+    std::vector<std::int32_t> actors_, windows_, listed_, seen_;
+    std::vector<float> tracks_, samples_, v_max_, companions_;
     Grid grid_{};
 };
 

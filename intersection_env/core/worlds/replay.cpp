@@ -73,7 +73,6 @@ void Replay::watch() {
     std::iota(tracks.begin(), tracks.end(), 0);
     shared.given = tracks.data();
     shared.seen = recorded_.seen();
-    shared.goes = recorded_.goes();
     share(recorded_.tracks(), shared);
 }
 

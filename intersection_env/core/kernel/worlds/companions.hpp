@@ -9,7 +9,7 @@ namespace intersection_env::INTERSECTION_ENV_ISA {
 // One a lane, of whichever world; see COMPANION_COLUMNS.
 struct Companions {
     Floats row[COMPANION_COLUMNS], sample[8]; // of a sample, SAMPLE_COLUMNS count
-    Ints row_number, world, present;          // world: the lane of the one that each is beside
+    Ints which, at, world, present; // which row and sample; world: the lane of the one that each is beside
 
     Ints memory() const { return reinterpret_cast<Ints>(sample[2]); }
     Ints held() const { return (memory() & 1) != 0; }
@@ -36,14 +36,13 @@ struct CompanionList {
 inline Companions companions(const ReplayArguments& g, const ReplayLanes& run, const CompanionList& list) {
     Companions them;
     const Ints counts = lane_numbers() < list.count;
-    const Ints row_number = counts ? lanes_at(list.row) : Ints{};
+    them.which = counts ? lanes_at(list.row) : Ints{};
     them.world = counts ? lanes_at(list.world) : Ints{};
-    load_rows<4>(g.recorded.companions, row_number * COMPANION_COLUMNS, them.row);
+    load_rows<4>(g.recorded.companions, them.which * COMPANION_COLUMNS, them.row);
     const Ints time = them.beside(run.time), since = time - as_ints(them.row[13]);
     them.present = counts & (since >= 0) & (time < as_ints(them.row[14]));
-    const Ints sample = them.present ? as_ints(them.row[12]) + since : Ints{};
-    load_rows<2>(g.recorded.samples, sample * SAMPLE_COLUMNS, them.sample);
-    them.row_number = sample;
+    them.at = them.present ? as_ints(them.row[12]) + since : Ints{};
+    load_rows<2>(g.recorded.samples, them.at * SAMPLE_COLUMNS, them.sample);
     return them;
 }
 
@@ -85,7 +84,8 @@ inline Ints arrived_first(const Companions& them, const Slot& own) {
 }
 
 // The nearest of those that lead; of equally near ones the last.
-inline void follow(const Companions& them, Floats own_position, Floats own_rear, Slot& own) {
+inline void follow(const Companions& them, Floats own_position, Floats own_rear, ReplayLanes& run) {
+    Slot& own = run.own;
     const Floats end = them.row[0], there = them.position() - them.row[2], ahead = there - own_position;
     const Ints in_lane = (own_rear < end) & (there - them.row[10] < end) & (them.front() > them.row[1]);
     const Floats gap = ahead - (them.beside(own.half_length) + them.row[10]);
@@ -95,6 +95,7 @@ inline void follow(const Companions& them, Floats own_position, Floats own_rear,
         if (gap[k] <= own.lead_distance[l]) {
             own.lead_distance[l] = gap[k];
             own.lead_speed[l] = them.sample[1][k];
+            run.lead[l] = them.which[k];
         }
     }
 }
@@ -118,7 +119,7 @@ inline Encounter encounter(const ReplayArguments& g, const Companions& them, Flo
         met.distance_to_stop_line = them.beside(own.distance_to_stop_line);
         met.foe_distance_to_clear = them.row[5] - them.rear();
         for (int k = 0; k < WIDTH; ++k) {
-            met.foe_v_max[k] = g.recorded.v_max[them.row_number[k]];
+            met.foe_v_max[k] = g.recorded.v_max[them.at[k]];
         }
     }
     return met;
@@ -128,7 +129,7 @@ inline Encounter encounter(const ReplayArguments& g, const Companions& them, Flo
 inline void meet(const ReplayArguments& g, const Companions& them, ReplayLanes& run) {
     Slot& own = run.own;
     const Floats own_position = them.beside(own.position), own_rear = them.beside(own.rear);
-    follow(them, own_position, own_rear, own);
+    follow(them, own_position, own_rear, run);
 
     const Floats kind = them.row[6];
     const Ints in_turn = magnitude(kind) == BY_ARRIVAL;

@@ -14,6 +14,7 @@ struct ReplayLanes {
     Ints track, time, ended, exists;
     Ints first_sample, first_step, end_step, first_recorded, first_window;
     Ints expert_delta; // what the recorded vehicle, the expert, decides at the same step
+    Ints lead;         // which companion leads; -1: none
     Floats action, step_reward;
     Ints left, collided;
     Floats last_features[FEATURES];

@@ -11,6 +11,7 @@ inline Ints watch_step(const ReplayArguments& g, Ints before, ReplayLanes& run) 
     take_recorded(g, all_ints(-1), run, own);
     observe_vehicle(g.map, own);
     own.delta = before;
+    run.lead = all_ints(-1);
     if (g.map.stops != 0) {
         remember_stop(own);
     }
@@ -35,27 +36,29 @@ inline void watch(const ReplayArguments& g, ReplayLanes& run) {
         // Only at an all-way stop it matters to whom others yield what it decided before.
         const Ints from_waiting = watch_step(g, Ints{}, run);
         const Ints from_going = g.map.stops != 0 ? watch_step(g, all_ints(-1), run) : from_waiting;
-        const Ints sample = run.sample(), settled = under_way(own);
+        const Ints goes = (from_waiting & GOES_FROM_WAITING) | ((from_going | under_way(own)) & GOES_FROM_GOING);
+        const Ints sample = run.sample(), seen = goes | ((run.lead + 1) * LEADS);
         for (unsigned lanes = bits(run.exists); lanes != 0; lanes &= lanes - 1) {
             const int l = __builtin_ctz(lanes);
-            float* seen = g.seen + static_cast<long>(sample[l]) * SEEN_COLUMNS;
-            seen[0] = own.lead_distance[l];
-            seen[1] = own.lead_speed[l];
-            g.goes[sample[l]] = static_cast<std::uint8_t>((from_waiting[l] != 0 ? GOES_FROM_WAITING : 0U) |
-                                                          ((from_going | settled)[l] != 0 ? GOES_FROM_GOING : 0U));
+            g.seen[sample[l]] = seen[l];
         }
     }
 }
 
+// What was seen at the present step.
+inline Ints seen(const ReplayArguments& g, const ReplayLanes& run) {
+    const Ints sample = run.sample();
+    Ints found;
+    for (int l = 0; l < WIDTH; ++l) {
+        found[l] = g.recorded.seen[sample[l]];
+    }
+    return found;
+}
+
 // What the recorded vehicle decides at the present step; run.expert_delta: what it did before.
 inline void recall_decision(const ReplayArguments& g, ReplayLanes& run) {
-    const Ints sample = run.sample();
-    Ints goes;
-    for (int l = 0; l < WIDTH; ++l) {
-        goes[l] = g.recorded.goes[sample[l]];
-    }
-    goes &= run.expert_delta ? all_ints(GOES_FROM_GOING) : all_ints(GOES_FROM_WAITING);
-    run.expert_delta = goes != 0;
+    const Ints bit = run.expert_delta ? all_ints(GOES_FROM_GOING) : all_ints(GOES_FROM_WAITING);
+    run.expert_delta = (seen(g, run) & bit) != 0;
 }
 
 // The recorded vehicle as it is at the present step, with all that it sees and what it has decided.
@@ -63,10 +66,14 @@ inline Slot recalled(const ReplayArguments& g, const ReplayLanes& run) {
     Slot expert = run.own;
     take_recorded(g, all_ints(-1), run, expert);
     observe_vehicle(g.map, expert);
-    Floats seen[4];
-    load_rows<1>(g.recorded.seen, run.sample() * SEEN_COLUMNS, seen);
-    expert.lead_distance = seen[0];
-    expert.lead_speed = seen[1];
+    const Ints lead = seen(g, run) / LEADS - 1, leads = lead >= 0;
+    Floats row[COMPANION_COLUMNS], sample[4];
+    load_rows<4>(g.recorded.companions, (leads ? lead : Ints{}) * COMPANION_COLUMNS, row);
+    const Ints at = leads ? as_ints(row[12]) + (run.time - as_ints(row[13])) : Ints{};
+    load_rows<1>(g.recorded.samples, at * SAMPLE_COLUMNS, sample);
+    const Floats ahead = sample[0] - row[2] - expert.position; // as in `follow`
+    expert.lead_distance = leads ? ahead - (expert.half_length + row[10]) : expert.lead_distance;
+    expert.lead_speed = leads ? sample[1] : expert.lead_speed;
     expert.delta = run.expert_delta;
     return expert;
 }
