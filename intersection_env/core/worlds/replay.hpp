@@ -12,6 +12,7 @@
 #include "worlds/autoreset.hpp"
 #include "worlds/fields.hpp"
 #include "worlds/recorded.hpp"
+#include "worlds/zeroed.hpp"
 
 namespace intersection_env {
 
@@ -29,7 +30,7 @@ class Replay {
     int vehicles() const { return 1; } // that act in a world
 
     // World after world; the next step overwrites them.
-    using Buffers = ReplayBuffers<Values>;
+    using Buffers = ReplayBuffers<Zeroed>;
     Buffers buffers;
 
     // Throw std::runtime_error before a first reset, and while another thread is in such a call.
