@@ -143,6 +143,7 @@ inline void meet(const ReplayArguments& g, const Companions& them, ReplayLanes& 
         open &= ~in_turn;
     }
     open &= ~(them.held() & (them.route() > them.beside(own.route))); // it is held, and holds nobody up
+    open &= ~them.beside(own.refused | settled(own));                 // nothing would change
     if (any(open)) {
         const Encounter met = encounter(g, them, own_rear, own);
         if (g.gap == Gap::network) {

@@ -144,6 +144,9 @@ inline void judge(const GapNetwork* network, World& world, int i, int j, Ints op
     b.refused |= refused & ~a_yields;
 }
 
+// Mask: no gap decision changes what it decides. refused: where something refuses it already.
+inline Ints is_decided(const Slot& slot, Ints refused) { return settled(slot) | refused | slot.refused; }
+
 // Who leads whom, and whether the one that yields to the other accepts the gap. seen: what a has seen so far.
 template <Gap GAP>
 inline void meet(const MapRows& map, const GapNetwork* network, World& world, int i, int j, Seen& seen) {
@@ -164,7 +167,8 @@ inline void meet(const MapRows& map, const GapNetwork* network, World& world, in
     const Ints active = (r.kind != 0.0F) & (rear < pga) & (foe_position < foe_end);
     b.kept |= active & a_yields & settled(a) & ~b.delta;
     seen.kept |= active & ~a_yields & settled(b) & ~a.delta;
-    const Ints open = active & (foe_hold <= route);
+    const Ints decided = a_yields ? is_decided(a, seen.refused) : is_decided(b, Ints{});
+    const Ints open = active & (foe_hold <= route) & ~decided;
     if (any(open)) {
         const Floats line = a_yields ? b.stop_line : a.stop_line;
         judge<GAP>(network, world, i, j, open, r.kind, r.own_end, r.other_end, line, seen);
@@ -201,7 +205,8 @@ inline void meet_along_lanes(const MapRows& map, const GapNetwork* network, Worl
                                       : (b.rear < r.other_end) & (a.position < r.own_end));
         b.kept |= active & a_yields & settled(a) & ~b.delta;
         seen.kept |= active & ~a_yields & settled(b) & ~a.delta;
-        const Ints open = active & ((a_yields ? b.hold : a.hold) <= (a_yields ? a.route : b.route));
+        const Ints decided = a_yields ? is_decided(a, seen.refused) : is_decided(b, Ints{});
+        const Ints open = active & ((a_yields ? b.hold : a.hold) <= (a_yields ? a.route : b.route)) & ~decided;
         if (any(open)) {
             judge<GAP>(network, world, i, j, open, r.kind, r.own_end, r.other_end, r.line, seen);
         }
