@@ -44,7 +44,7 @@ def replay_snapshot(worlds: ReplayWorlds, world: int) -> Snapshot:
     arrays, acting, time = worlds.tracks.arrays, int(state["track"]), int(state["time"])
     there = worlds.tracks.present(acting, time)
     recorded = np.array([worlds.tracks.recorded(track, time) for track in there.tolist()], np.float32).reshape(-1, 2)
-    vehicles = {
+    vehicles: dict[str, Any] = {
         "route": arrays["track_route"][there],
         "position": recorded[:, 0],
         "speed": recorded[:, 1],

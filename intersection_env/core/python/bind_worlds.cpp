@@ -195,8 +195,8 @@ void bind_replay(nb::module_& m) {
                 const RecordedScenes recorded = scenes_of(scenes);
                 std::vector<std::int32_t> may_act = copy(actors);
                 const nb::gil_scoped_release release;
-                new (self) Replay(std::move(map), std::move(policy), recording, recorded, std::move(may_act),
-                                  worlds, bodies_named(bodies), autoreset_named(autoreset), threads,
+                new (self) Replay(std::move(map), std::move(policy), recording, recorded, std::move(may_act), worlds,
+                                  bodies_named(bodies), autoreset_named(autoreset), threads,
                                   isa ? kernel_named(*isa) : kernel_for_worlds(worlds));
             },
             "map"_a, "policy"_a, "recording"_a, "scenes"_a, "actors"_a.noconvert(), "worlds"_a, "autoreset"_a,

@@ -7,6 +7,7 @@
 #include "intersection_env/traffic.hpp"
 #include "model/contact.hpp"
 #include "tables/problem.hpp"
+#include "worlds/grid.hpp"
 #include "worlds/recorded_order.hpp"
 
 namespace intersection_env {
@@ -18,39 +19,6 @@ std::size_t at(long index) { return static_cast<std::size_t>(index); }
 
 float whole(std::int32_t number) { return std::bit_cast<float>(number); }
 std::int32_t whole(float number) { return std::bit_cast<std::int32_t>(number); }
-
-// Where a vehicle stands once it has braked [m].
-float braked(float position, float speed) { return position + speed * speed * (0.5F / BRAKING); }
-
-// The finest that reaches around all places at which recorded vehicles are, or come to stand once they have braked.
-Grid grid_around(const Map& map, const RecordedScenes& scenes) {
-    float beyond = 1.0F; // the end of their routes [m]
-    for (int track = 0; track < scenes.tracks(); ++track) {
-        const float length = map.routes[at(scenes.route[at(track)])].length;
-        for (long k = scenes.first_sample(track); k < scenes.end_sample(track); ++k) {
-            beyond = std::max(beyond, braked(scenes.position[at(k)], scenes.speed[at(k)]) - length + 1.0F);
-        }
-    }
-    const Sample& any = map.routes[0].samples[0];
-    float left = any.x, right = any.x, bottom = any.y, top = any.y;
-    for (const Route& route : map.routes) {
-        for (const Sample& sample : route.samples) {
-            left = std::min(left, sample.x);
-            right = std::max(right, sample.x);
-            bottom = std::min(bottom, sample.y);
-            top = std::max(top, sample.y);
-        }
-    }
-    const float extent = std::max(right - left, top - bottom) + 2.0F * beyond;
-    return {left - beyond, bottom - beyond, extent / 65535.0F};
-}
-
-std::int32_t on_grid(const Grid& grid, float x, float y) {
-    const auto line = [&](float from) {
-        return static_cast<std::uint32_t>(std::clamp(from / grid.step + 0.5F, 0.0F, 65535.0F)); // rounding alone
-    };
-    return static_cast<std::int32_t>(line(x - grid.x) | line(y - grid.y) << 16);
-}
 
 Fault fault_of(const Conflict* conflict, int route, bool follows, bool first, bool recording) {
     if (conflict == nullptr) {
@@ -114,16 +82,8 @@ Recorded::Recorded(const Map& map, const RecordedScenes& scenes, std::vector<std
 }
 
 RecordedRows Recorded::rows() const {
-    return {tracks_.data(),
-            samples_.data(),
-            companions_.data(),
-            v_max_.empty() ? nullptr : v_max_.data(),
-            seen_.data(),
-            actors_.data(),
-            windows_.data(),
-            listed_.data(),
-            static_cast<int>(actors_.size()),
-            grid_};
+    return {tracks_.data(), samples_.data(), companions_.data(), v_max_.empty() ? nullptr : v_max_.data(), seen_.data(),
+            actors_.data(), windows_.data(), listed_.data(),     static_cast<int>(actors_.size()),         grid_};
 }
 
 void Recorded::add_samples(const Source& from) {
@@ -141,9 +101,8 @@ void Recorded::add_samples(const Source& from) {
             const float to_line = road.stop_line - (position + scenes.half_length(track));
             const bool stops = road.must_stop && speed < STOPPED && to_line < AT_LINE;
             waited += waited > 0 || stops ? 1 : 0;
-            samples_.insert(samples_.end(),
-                            {position, speed, whole(2 * waited), whole(on_grid(grid_, here.x, here.y)),
-                             whole(on_grid(grid_, there.x, there.y))});
+            samples_.insert(samples_.end(), {position, speed, whole(2 * waited), whole(on_grid(grid_, here.x, here.y)),
+                                             whole(on_grid(grid_, there.x, there.y))});
         }
     }
     samples_.resize(samples_.size() + PAD);
@@ -162,8 +121,8 @@ void Recorded::add_companions_in_scene(const Source& from, int scene, int track)
     const RecordedScenes& scenes = from.scenes;
     for (long k = scenes.scene_tracks[at(scene)]; k < scenes.scene_tracks[at(scene) + 1]; ++k) {
         const int other = static_cast<int>(k);
-        const bool together = scenes.first_step(track) < scenes.end_step(other) &&
-                              scenes.first_step(other) < scenes.end_step(track);
+        const bool together =
+            scenes.first_step(track) < scenes.end_step(other) && scenes.first_step(other) < scenes.end_step(track);
         if (other != track && together) {
             add_companions(from, track, other);
         }
@@ -249,12 +208,13 @@ void Recorded::add_track(const Source& from, int track) {
 void Recorded::add_windows(const Source& from, int track, std::span<const float> companions) {
     const int route = from.scenes.route[at(track)];
     const auto matters = [&](const float* companion, int step) {
-        const float* sample = &samples_[at(static_cast<long>(companion[12]) + step - static_cast<int>(companion[13])) *
-                                        SAMPLE_COLUMNS];
+        const float* sample =
+            &samples_[at(static_cast<long>(companion[12]) + step - static_cast<int>(companion[13])) * SAMPLE_COLUMNS];
         const float position = sample[0], there = position - companion[2];
-        const bool leads = companion[3] > 0.0F && there - companion[10] < companion[0] &&
-                           position + companion[10] > companion[1];
-        const bool is_awaited = may_wait(companion) && position < companion[5] && !(from.recording && companion[7] > 0.0F);
+        const bool leads =
+            companion[3] > 0.0F && there - companion[10] < companion[0] && position + companion[10] > companion[1];
+        const bool is_awaited =
+            may_wait(companion) && position < companion[5] && !(from.recording && companion[7] > 0.0F);
         const Body body{static_cast<int>(companion[15]), position, 2.0F * companion[10], 2.0F * companion[11]};
         Body later = body;
         later.position = braked(position, sample[1]);

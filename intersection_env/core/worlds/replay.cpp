@@ -20,8 +20,8 @@ Replay::Replay(std::shared_ptr<const Map> map, Policy policy, bool recording, co
                std::vector<std::int32_t> actors, int worlds, Bodies bodies, Autoreset autoreset, int threads,
                const Kernel& kernel)
     : tables_(std::move(map)), policy_(std::move(policy)),
-      recorded_(tables_.map(), scenes, std::move(actors), recording, policy_.gap == Gap::sumo), recording_(recording), worlds_(worlds),
-      bodies_(bodies), padded_((worlds + WORLDS_PER_BLOCK - 1L) / WORLDS_PER_BLOCK * WORLDS_PER_BLOCK),
+      recorded_(tables_.map(), scenes, std::move(actors), recording, policy_.gap == Gap::sumo), recording_(recording),
+      worlds_(worlds), bodies_(bodies), padded_((worlds + WORLDS_PER_BLOCK - 1L) / WORLDS_PER_BLOCK * WORLDS_PER_BLOCK),
       autoreset_(autoreset), kernel_(kernel), threads_(threads) {
     if (worlds < 1 || worlds > 1 << 24) {
         throw std::invalid_argument("worlds must be from 1 to 16777216, not " + std::to_string(worlds));
@@ -143,8 +143,7 @@ void Replay::start(int world, int track) {
     if (world < 0 || world >= worlds_) {
         throw std::invalid_argument("there is no world " + std::to_string(world));
     }
-    if (track < 0 || track >= recorded_.tracks() ||
-        recorded_.end_step(track) - recorded_.first_step(track) < 2) {
+    if (track < 0 || track >= recorded_.tracks() || recorded_.end_step(track) - recorded_.first_step(track) < 2) {
         throw std::invalid_argument("track " + std::to_string(track) + " cannot act: unknown, or too short");
     }
     std::vector<std::uint8_t> wanted(at(worlds_));

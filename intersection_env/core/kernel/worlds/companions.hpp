@@ -9,7 +9,7 @@ namespace intersection_env::INTERSECTION_ENV_ISA {
 // One a lane, of whichever world; see COMPANION_COLUMNS.
 struct Companions {
     Floats row[COMPANION_COLUMNS], sample[8]; // of a sample, SAMPLE_COLUMNS count
-    Ints which, at, world, present; // which row and sample; world: the lane of the one that each is beside
+    Ints which, at, world, present;           // which row and sample; world: the lane of the one that each is beside
 
     Ints memory() const { return reinterpret_cast<Ints>(sample[2]); }
     Ints held() const { return (memory() & 1) != 0; }
@@ -57,7 +57,8 @@ inline void for_each_companion(const ReplayArguments& g, const ReplayLanes& run,
         const std::int32_t* ends = g.recorded.windows + window[l];
         const Ints world = all_ints(l);
         for (int place = ends[0]; place < ends[1];) {
-            __builtin_memcpy(list.row + list.count, g.recorded.listed + place, sizeof(Ints)); // a row, to the end or not
+            __builtin_memcpy(list.row + list.count, g.recorded.listed + place,
+                             sizeof(Ints)); // a row, to the end or not
             __builtin_memcpy(list.world + list.count, &world, sizeof(Ints));
             const int left = ends[1] - place, room = WIDTH - list.count, taken = left < room ? left : room;
             place += taken;
