@@ -73,6 +73,7 @@ void Replay::watch() {
     std::iota(tracks.begin(), tracks.end(), 0);
     shared.given = tracks.data();
     shared.seen = recorded_.seen();
+    shared.by_arrival = std::ranges::any_of(tables_.map().conflicts, &Conflict::by_arrival);
     share(recorded_.tracks(), shared);
 }
 

@@ -33,9 +33,8 @@ inline void watch(const ReplayArguments& g, ReplayLanes& run) {
     for (run.time = run.first_step; any(run.time < run.end_step); run.time += 1) {
         run.exists = are_watched & (run.time < run.end_step);
         run.time = run.time < run.end_step ? run.time : run.end_step - 1;
-        // Only at an all-way stop it matters to whom others yield what it decided before.
         const Ints from_waiting = watch_step(g, Ints{}, run);
-        const Ints from_going = g.map.stops != 0 ? watch_step(g, all_ints(-1), run) : from_waiting;
+        const Ints from_going = g.by_arrival ? watch_step(g, all_ints(-1), run) : from_waiting;
         const Ints goes = (from_waiting & GOES_FROM_WAITING) | ((from_going | under_way(own)) & GOES_FROM_GOING);
         const Ints sample = run.sample(), seen = goes | ((run.lead + 1) * LEADS);
         for (unsigned lanes = bits(run.exists); lanes != 0; lanes &= lanes - 1) {
