@@ -296,6 +296,12 @@ class ClosedLoop:
 
     def __init__(self, map: Map, policy: Policy, worlds: int, vehicles: int, max_cycles: int, autoreset: str, threads: int, isa: str | None = None, bodies: str = 'circles') -> None: ...
 
+    @property
+    def is_plain(self) -> bool:
+        """
+        Whether no two routes of the map have more to do with each other than a lane before a split, or one conflict and the lane after it: steps are faster then.
+        """
+
     def reset(self, seed: int, desynchronise: bool) -> None: ...
 
     def reset_worlds(self, mask: Annotated[NDArray[numpy.bool_], dict(shape=(None,), order='C', device='cpu', writable=False)]) -> None: ...

@@ -19,6 +19,7 @@ from experiments.bench.doors import door_rates, frame_milliseconds
 from experiments.bench.drivers import fitted_network, idm_actions
 from experiments.bench.environment_peers import peer_rates
 from experiments.bench.stopwatch import Run, rate, reference_rate
+from experiments.bench.threads import thread_rates
 from intersection_env import ClosedLoopWorlds, ReplayWorlds, _core
 from intersection_env.constants import ACCELERATION
 
@@ -41,6 +42,7 @@ def environment_rates() -> dict[str, Any]:
     print(f"\n{'agent-steps/s [million]: median (best)':76}" + "".join(f"{name:>18}" for name in columns()))
     network = fitted_network()
     worlds = [_row(name, rates, ends) for name, (rates, ends) in _timed_worlds(network)]
+    threads = thread_rates()
     doors = door_rates()
     frame = frame_milliseconds()
     print(f"a frame of 600 x 600: {frame['median']:.2f} ms")
@@ -51,7 +53,7 @@ def environment_rates() -> dict[str, Any]:
         print(f"float32 matrix product, one thread: {found['median']:.0f} GFLOP/s (best {found['best']:.0f})", end="")
         print(f", with {100 * found['core_share']:.0f} % of a core")
     machine = {"cores": os.cpu_count(), "reference_gflops": reference}
-    return machine | {"worlds": worlds, "doors": doors, "frame_ms": frame, "peers": peers}
+    return machine | {"worlds": worlds, "threads": threads, "doors": doors, "frame_ms": frame, "peers": peers}
 
 
 def columns() -> dict[str, tuple[str | None, int]]:

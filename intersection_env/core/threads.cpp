@@ -1,8 +1,9 @@
 #include "threads.hpp"
 
 #include <algorithm>
+#include <atomic>
+#include <chrono>
 #include <condition_variable>
-#include <cstdint>
 #include <mutex>
 #include <stdexcept>
 #include <string>
@@ -14,50 +15,86 @@
 #include "cores.hpp"
 
 namespace intersection_env {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+using Seconds = std::chrono::duration<double>;
+
+constexpr Seconds WORTH_WAKING{100e-6}; // ours: so much work for every thread that is woken, which takes some 20 us
+constexpr Seconds NEVER{1e9};
+constexpr int TIMED = 4;  // ours: items of a round; the quickest counts, as others may have been interrupted
+constexpr int LOOKS = 30; // ours: how often the caller looks whether the others are done before it sleeps
+
+} // namespace
+
 struct Threads::Pool {
     std::vector<std::thread> workers;
     std::mutex mutex;
     std::condition_variable begin, end;
     const std::function<void(int, int)>* work = nullptr;
-    std::uint64_t round = 0;
-    int items = 0, next = 0, busy = 0;
+    int items = 0, next = 0;
+    std::atomic<int> unfinished = 0;
     bool stop = false;
+    Seconds per_item = NEVER; // by the rounds before, of little and of much work in turns; at first everybody is woken
     pid_t process = getpid();
 
     bool is_forked() const { return process != getpid(); }
 
-    void take(int thread) {
-        for (;;) {
-            int item = 0;
-            {
-                const std::lock_guard lock(mutex);
-                if (next >= items) {
-                    return;
-                }
-                item = next++;
-            }
-            (*work)(item, thread);
+    // The next item to do, or -1; done: how many the caller has just done.
+    int take(int done) {
+        const std::lock_guard lock(mutex);
+        if ((unfinished -= done) == 0 && done > 0) {
+            end.notify_one();
         }
+        return next < items ? next++ : -1;
     }
 
     void serve(int thread) {
-        std::uint64_t seen = 0;
         for (;;) {
             {
                 std::unique_lock lock(mutex);
-                begin.wait(lock, [&] { return stop || round != seen; });
+                begin.wait(lock, [&] { return stop || next < items; });
                 if (stop) {
                     return;
                 }
-                seen = round;
             }
-            take(thread);
-            {
-                const std::lock_guard lock(mutex);
-                --busy;
+            for (int item = take(0); item >= 0; item = take(1)) {
+                (*work)(item, thread);
             }
-            end.notify_one();
         }
+    }
+
+    // Wakes as many as the work that is left is worth, if any is; returns whether that was anybody.
+    bool wake(int left, Seconds each) {
+        const double worth = static_cast<double>(left) * (each / WORTH_WAKING);
+        const int wanted = static_cast<int>(std::clamp(worth, 0.0, static_cast<double>(workers.size())));
+        for (int k = 0; k < wanted; ++k) {
+            begin.notify_one();
+        }
+        return wanted > 0;
+    }
+
+    // The caller's part: alone as long as what is left is not worth waking anybody.
+    void lead() {
+        bool together = wake(items - 1, per_item);
+        Seconds least = NEVER;
+        int done = 0;
+        for (int item = take(0); item >= 0; item = take(1)) {
+            const auto start = done < TIMED ? Clock::now() : Clock::time_point();
+            (*work)(item, 0);
+            if (++done <= TIMED) {
+                least = std::min<Seconds>(least, Clock::now() - start);
+                together = together || (done > 1 && wake(items - done, least));
+            }
+        }
+        if (done > 0) {
+            per_item = per_item == NEVER ? least : std::clamp(least, 0.5 * per_item, 2.0 * per_item);
+        }
+        for (int look = 0; look < LOOKS && unfinished > 0; ++look) {
+            std::this_thread::yield();
+        }
+        std::unique_lock lock(mutex);
+        end.wait(lock, [&] { return unfinished == 0; });
     }
 
     void finish() {
@@ -110,15 +147,10 @@ void Threads::share(int items, const std::function<void(int, int)>& work) {
     {
         const std::lock_guard lock(pool.mutex);
         pool.work = &work;
-        pool.items = items;
+        pool.items = pool.unfinished = items;
         pool.next = 0;
-        pool.busy = static_cast<int>(pool.workers.size());
-        ++pool.round;
     }
-    pool.begin.notify_all();
-    pool.take(0);
-    std::unique_lock lock(pool.mutex);
-    pool.end.wait(lock, [&] { return pool.busy == 0; });
+    pool.lead();
 }
 
 Claim::Claim(std::atomic_flag& held) : attempt_(held) {

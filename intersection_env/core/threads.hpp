@@ -19,7 +19,8 @@ class Threads {
 
     int count() const;
 
-    // Calls work(item, thread) once for every item below `items`; thread < count(). Work must not throw.
+    // Calls work(item, thread) once for every item below `items`; thread < count(). Work must not throw. Where there is
+    // little to do, by how long items took before, fewer threads share it, or the caller works alone.
     // In a forked child, which has none of the threads, the caller works alone.
     void share(int items, const std::function<void(int, int)>& work);
 

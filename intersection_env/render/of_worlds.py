@@ -43,11 +43,11 @@ def replay_snapshot(worlds: ReplayWorlds, world: int) -> Snapshot:
     state = {name: values[world] for name, values in worlds.state().items()}
     arrays, acting, time = worlds.tracks.arrays, int(state["track"]), int(state["time"])
     there = worlds.tracks.present(acting, time)
-    recorded = arrays["track_samples"][there] + time - arrays["track_start"][there]
-    vehicles = {
+    recorded = np.array([worlds.tracks.recorded(track, time) for track in there.tolist()], np.float32).reshape(-1, 2)
+    vehicles: dict[str, Any] = {
         "route": arrays["track_route"][there],
-        "position": arrays["position"][recorded],
-        "speed": arrays["speed"][recorded],
+        "position": recorded[:, 0],
+        "speed": recorded[:, 1],
         "length": arrays["track_length"][there],
         "width": arrays["track_width"][there],
         "max_speed": arrays["track_max_speed"][there],

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import zipfile
 import zlib
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -153,10 +153,12 @@ def _check_arrays(arrays: dict[str, NDArray[Any]]) -> None:
 def pack(scenes: tuple[Scene, ...]) -> dict[str, NDArray[Any]]:
     """The arrays of the scenes file, header left out."""
     tracks = [track for scene in scenes for track in scene.tracks]
+    return pack_tracks(scenes) | {name: joined(tracks, name) for name, (_, axis) in ARRAYS.items() if axis == "sample"}
 
-    def joined(name: str, dtype: type) -> NDArray[Any]:
-        return np.concatenate([np.zeros(0, dtype), *(getattr(track, name) for track in tracks)]).astype(dtype)
 
+def pack_tracks(scenes: tuple[Scene, ...]) -> dict[str, NDArray[Any]]:
+    """Those of `pack` that have one entry a scene or a track, and the offsets."""
+    tracks = [track for scene in scenes for track in scene.tracks]
     return {
         "scene_id": np.array([scene.id for scene in scenes], dtype=np.str_),
         "scene_recording": np.array([scene.recording for scene in scenes], dtype=np.str_),
@@ -171,11 +173,38 @@ def pack(scenes: tuple[Scene, ...]) -> dict[str, NDArray[Any]]:
         "track_width": np.array([track.width for track in tracks], dtype=np.float32),
         "track_start": np.array([track.start for track in tracks], dtype=np.int32),
         "track_samples": np.cumsum([0, *(len(track.position) for track in tracks)], dtype=np.int64),
-        "position": joined("position", np.float32),
-        "speed": joined("speed", np.float32),
-        "acceleration": joined("acceleration", np.float32),
-        "observed": joined("observed", np.bool_),
     }
+
+
+def joined(tracks: Sequence[Track], name: str) -> NDArray[Any]:
+    """One array of `pack` that has an entry a sample, to be read only.
+
+    Tracks that `unpack` made, and lie one after the other, as those of a split do, need no copy.
+    """
+    parts: list[NDArray[Any]] = [getattr(track, name) for track in tracks]
+    dtype = np.dtype(ARRAYS[name][0])
+    whole = _view_of_all(parts)
+    if whole is None or whole.dtype != dtype:
+        return np.concatenate([np.zeros(0, dtype), *parts]).astype(dtype, copy=False)
+    return whole
+
+
+def _view_of_all(parts: Sequence[NDArray[Any]]) -> NDArray[Any] | None:
+    """What these make up as views of one array, one after the other; None where they are none."""
+    base = parts[0].base if parts else None
+    if not isinstance(base, np.ndarray) or base.ndim != 1 or not all(part.base is base for part in parts):
+        return None
+    places = [_address(part) for part in parts]
+    end = np.cumsum([places[0], *(part.nbytes for part in parts)])
+    if base.strides != (base.itemsize,) or not np.array_equal(end[:-1], places):
+        return None
+    first = (places[0] - _address(base)) // base.itemsize
+    return base[first : first + sum(len(part) for part in parts)]
+
+
+def _address(array: NDArray[Any]) -> int:
+    place: int = array.__array_interface__["data"][0]
+    return place
 
 
 def unpack(arrays: dict[str, NDArray[Any]], intersection: Intersection) -> tuple[Scene, ...]:

@@ -14,7 +14,7 @@ SPLITS = ("train", "development", "validation")
 ROAD_USERS = ("car", "truck_bus", "bicycle")
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, slots=True)  # there are thousands of them
 class Track:
     """One vehicle of a scene, from the step at which it appears.
 

@@ -16,7 +16,7 @@ from intersection_env.constants import BICYCLE_MAX_SPEED, DT
 from intersection_env.maps.intersection import Intersection
 from intersection_env.scenes.file import pack, read_scenes_file, unpack, write_scenes_file
 from intersection_env.scenes.scene import SPLITS, Scene, Track
-from intersection_env.traffic import Traffic
+from intersection_env.traffic import Traffic, naming
 
 __all__ = ["SPLITS", "Scene", "Scenes", "Track"]
 
@@ -131,21 +131,22 @@ class Scenes:
             )
         tracks = [track for track in scene.tracks if track.start <= step < track.stop]
         bicycle = [track.road_user == "bicycle" for track in tracks]
-        traffic = Traffic(
-            intersection=self.intersection,
-            ids=tuple(track.id for track in tracks),
-            route=np.array([track.route for track in tracks], dtype=np.int32),
-            position=np.array([track.position[step - track.start] for track in tracks], dtype=np.float32),
-            speed=np.array([track.speed[step - track.start] for track in tracks], dtype=np.float32),
-            length=np.array([track.length for track in tracks], dtype=np.float32),
-            width=np.array([track.width for track in tracks], dtype=np.float32),
-            max_speed=np.where(bicycle, BICYCLE_MAX_SPEED, np.inf).astype(np.float32),
-        )
+        columns: dict[str, Any] = {
+            "route": np.array([track.route for track in tracks], dtype=np.int32),
+            "position": np.array([track.position[step - track.start] for track in tracks], dtype=np.float32),
+            "speed": np.array([track.speed[step - track.start] for track in tracks], dtype=np.float32),
+            "length": np.array([track.length for track in tracks], dtype=np.float32),
+            "width": np.array([track.width for track in tracks], dtype=np.float32),
+            "max_speed": np.where(bicycle, BICYCLE_MAX_SPEED, np.inf).astype(np.float32),
+        }
+        ids = tuple(track.id for track in tracks)
         waited = np.array([self._waited(track, step) for track in tracks], np.int32)
-        if not waited.any():
-            return traffic
-        enters, nobody = _core.committed(self.intersection.core, traffic.core), np.full(len(tracks), -1, np.int16)
-        return replace(traffic, delta=enters.astype(np.bool_), hold=nobody, waited=waited)
+        if waited.any():
+            core = self.intersection.core
+            with naming(ids):
+                enters = _core.committed(core, _core.Traffic(core, **columns)).astype(np.bool_)
+            columns |= {"delta": enters, "hold": np.full(len(tracks), -1, np.int16), "waited": waited}
+        return Traffic(self.intersection, ids, **columns)
 
     def _waited(self, track: Track, step: int) -> int:
         """For how many steps before this one a vehicle has stopped at its line or gone on from there."""

@@ -10,10 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from intersection_env.constants import BICYCLE_MAX_SPEED
-from intersection_env.scenes.file import pack
+from intersection_env.scenes.file import joined, pack_tracks
 from intersection_env.scenes.scene import Scene, Track
 from intersection_env.scenes.scenes import Scenes
 
+SAMPLES = ("position", "speed", "observed")
 LEAST_STEPS = 5  # ours: an episode that a reset draws lasts 1 s or more
 
 
@@ -21,7 +22,7 @@ LEAST_STEPS = 5  # ours: an episode that a reset draws lasts 1 s or more
 class RecordedTracks:
     """All tracks of some scenes, in one row.
 
-    arrays: what the core's replay is given.
+    arrays: of the scenes and tracks, as in the scenes file; track_max_speed [m/s] beside them.
     actors: int32, the tracks that a reset may draw: cars and trucks that are recorded for 1 s or more.
     scene_id, track_id: (track,) str as objects.
     scene_number, track_number: (track,) int64, the scene among the scenes and the track within its scene.
@@ -44,7 +45,7 @@ class RecordedTracks:
         Raises:
             ValueError: none of their vehicles can act.
         """
-        arrays = pack(scenes.scenes)
+        arrays = pack_tracks(scenes.scenes)
         bicycle = arrays["track_class"] == "bicycle"
         tracks = [(scene, track) for scene in scenes for track in scene.tracks]
         actors = [
@@ -69,8 +70,18 @@ class RecordedTracks:
             np.array([track.id for _, track in tracks], object),
             np.array([number for number, scene in enumerate(scenes) for _ in scene.tracks], np.int64),
             np.array([number for scene in scenes for number, _ in enumerate(scene.tracks)], np.int64),
-            float(arrays["speed"].max()),
+            max(float(track.speed.max()) for _, track in tracks),
         )
+
+    def samples(self) -> dict[str, NDArray[Any]]:
+        """What the core's replay is given of each sample, joined anew: the scenes keep it, and the core."""
+        tracks = [track for scene in self.scenes for track in scene.tracks]
+        return {name: joined(tracks, name) for name in SAMPLES}
+
+    def recorded(self, track: int, time: int) -> tuple[float, float]:
+        """Position and speed of a track at a step of its scene at which it is there."""
+        found = self.scenes[int(self.scene_number[track])].tracks[int(self.track_number[track])]
+        return float(found.position[time - found.start]), float(found.speed[time - found.start])
 
     def present(self, track: int, time: int) -> NDArray[np.intp]:
         """The tracks that are there at a step of this track's scene."""

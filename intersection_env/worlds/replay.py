@@ -100,8 +100,9 @@ class ReplayWorlds(Worlds):
     def _made(self, worlds: int) -> _core.Replay:
         tracks = self.tracks
         given = (self._arguments[name] for name in ("autoreset", "threads", "isa", "bodies"))
+        arrays = tracks.arrays | tracks.samples()
         return _core.Replay(
-            self.intersection.core, self.policy, self.is_recorded, tracks.arrays, tracks.actors, worlds, *given
+            self.intersection.core, self.policy, self.is_recorded, arrays, tracks.actors, worlds, *given
         )
 
 

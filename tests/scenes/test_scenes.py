@@ -14,6 +14,7 @@ import pytest
 from numpy.typing import NDArray
 
 from intersection_env.maps.intersection import Intersection
+from intersection_env.scenes.file import joined
 from intersection_env.scenes.scene import Scene, Track
 from intersection_env.scenes.scenes import Scenes
 
@@ -278,3 +279,21 @@ def test_a_moment_knows_for_how_long_a_vehicle_has_stopped_at_its_line(speeds: l
     found = [scenes.at(0, 0.2 * (2 + step)) for step in range(len(speeds))]
     assert [0 if moment.waited is None else int(moment.waited[0]) for moment in found] == waited
     assert all(moment.hold is None for moment in found if moment.waited is None)
+
+
+def test_tracks_in_a_row_are_joined_without_a_copy() -> None:
+    train = Scenes.load("t_junction").select("train")
+    tracks = [track for scene in train for track in scene.tracks]
+    for name in ("position", "speed", "acceleration", "observed"):
+        whole = joined(tracks, name)
+        np.testing.assert_array_equal(whole, np.concatenate([getattr(track, name) for track in tracks]))
+        assert np.shares_memory(whole, getattr(tracks[-1], name))
+
+
+@pytest.mark.parametrize("choose", [lambda tracks: tracks[::2], lambda tracks: tracks[::-1], lambda tracks: tracks[:0]])
+def test_tracks_from_here_and_there_are_joined_in_their_order(choose: Callable[[list[Track]], list[Track]]) -> None:
+    tracks = choose([track for scene in Scenes.load("t_junction") for track in scene.tracks])
+    for name, dtype in (("position", np.float32), ("observed", np.bool_)):
+        found = joined(tracks, name)
+        assert found.dtype == dtype
+        assert found.tolist() == [value for track in tracks for value in getattr(track, name).tolist()]

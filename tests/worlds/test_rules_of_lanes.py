@@ -84,3 +84,11 @@ def test_circulating_vehicles_are_never_cut(gap: str) -> None:
     _, left, blamed = driven("roundabout", gap, 6)
     assert left > 40
     assert blamed == 0
+
+
+@pytest.mark.parametrize(
+    ("name", "is_plain"),
+    [("bendplatz", True), ("crossroads", True), ("t_junction", True), ("roundabout", False), ("all_way_stop", False)],
+)
+def test_maps_on_which_routes_meet_once_take_the_short_rows(name: str, is_plain: bool) -> None:
+    assert closed_loop(name, 1, 2).is_plain is is_plain

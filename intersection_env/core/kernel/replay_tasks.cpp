@@ -14,12 +14,12 @@ using LanesPointer = LanesOf<Number>*;
 ReplayState<LanesPointer> state_of(ReplayLanes& run) {
     return {.track = &run.track,
             .time = &run.time,
-            .position = &run.acting.position,
-            .speed = &run.acting.speed,
-            .acceleration = &run.acting.acceleration,
-            .delta = &run.acting.delta,
-            .expert_delta = &run.expert.delta,
-            .waited = &run.acting.waited,
+            .position = &run.own.position,
+            .speed = &run.own.speed,
+            .acceleration = &run.own.acceleration,
+            .delta = &run.own.delta,
+            .expert_delta = &run.expert_delta,
+            .waited = &run.own.waited,
             .ended = &run.ended,
             .random = run.random.s};
 }
@@ -41,7 +41,7 @@ void load(const ReplayArguments& g, ReplayLanes& run) {
     for_each_row(g, run, [](const auto& in_memory, auto& in_run) { in_run = in_memory; });
     run.exists = lane_numbers() < g.worlds;
     load_track(g, run);
-    run.acting.hold = run.expert.hold = all_ints(-1);
+    run.own.hold = all_ints(-1);
 }
 
 void store(const ReplayArguments& g, Ints changed, ReplayLanes& run) {
@@ -50,11 +50,12 @@ void store(const ReplayArguments& g, Ints changed, ReplayLanes& run) {
 
 void write_seen(const ReplayArguments& g, unsigned lanes, const ReplayLanes& run) {
     Floats features[FEATURES];
-    driving_features(run.acting, features);
+    driving_features(run.own, features);
     store_rows<3>(features, g.buffers.observation + g.first_world * FEATURES, FEATURES, lanes);
-    driving_features(run.expert, features);
+    driving_features(recalled(g, run), features);
     store_rows<3>(features, g.buffers.expert_observation + g.first_world * FEATURES, FEATURES, lanes);
-    store_columns(&run.expert_acceleration, 1, g.buffers.expert_acceleration + g.first_world, 1, lanes);
+    const Floats acceleration = recorded_acceleration(g, run);
+    store_columns(&acceleration, 1, g.buffers.expert_acceleration + g.first_world, 1, lanes);
 }
 
 void run_start(const ReplayArguments& g, ReplayLanes& run) {
@@ -68,7 +69,7 @@ void run_start(const ReplayArguments& g, ReplayLanes& run) {
     }
     load(g, run);
     begin(g, wanted, given, run);
-    look_again(g, wanted, true, run);
+    look_again(g, wanted, run);
     store(g, wanted, run);
     write_seen(g, used(g) & bits(wanted), run);
 }
@@ -78,7 +79,7 @@ void run_step(const ReplayArguments& g, ReplayLanes& run) {
     load(g, run);
     const Ints ran = ~run.ended;
     load_columns(g.buffers.action + g.first_world, 1, 1, lanes, &run.action);
-    const Ints ends = step(g, true, run);
+    const Ints ends = step(g, run);
     const unsigned over = lanes & bits(ran & ends), blamed = over & bits(run.collided);
     for (std::uint8_t* flags : {g.buffers.terminated, g.buffers.truncated}) {
         clear_flags(flags + g.first_world, 1, lanes, 1);
@@ -100,8 +101,7 @@ void run_step(const ReplayArguments& g, ReplayLanes& run) {
 
 void run_look(const ReplayArguments& g, ReplayLanes& run) {
     load(g, run);
-    load_expert(g, run);
-    look_again(g, Ints{}, true, run);
+    look_again(g, Ints{}, run);
     write_seen(g, used(g), run);
 }
 
@@ -111,7 +111,7 @@ struct RolledOut {
     ReplayLanes& run;
 
     static constexpr int vehicles() { return 1; }
-    void observe(int, Floats* features) const { driving_features(run.acting, features); }
+    void observe(int, Floats* features) const { driving_features(run.own, features); }
     void observe_last(int, Floats* features) const {
         for (int f = 0; f < FEATURES; ++f) {
             features[f] = run.last_features[f];
@@ -119,20 +119,19 @@ struct RolledOut {
     }
     Floats* action() { return &run.action; }
     const Floats* paid() const { return &run.step_reward; }
-    Ints step() { return INTERSECTION_ENV_ISA::step(g, false, run) & run.exists; }
+    Ints step() { return INTERSECTION_ENV_ISA::step(g, run) & run.exists; }
     Ints left(int) const { return Ints{}; } // it ends its world, and so is among those that end
     Ints blamed(int) const { return run.collided; }
     bool restart(Ints ended) {
         begin(g, ended, all_ints(-1), run);
-        look_again(g, ended, false, run);
+        look_again(g, ended, run);
         return true;
     }
 };
 
 void run_rollout(const ReplayArguments& g, ReplayLanes& run) {
     load(g, run);
-    load_expert(g, run);
-    look_again(g, Ints{}, false, run);
+    look_again(g, Ints{}, run);
     Random noise;
     for (int k = 0; k < STREAM_WORDS; ++k) {
         noise.s[k] = lanes_at(g.state.random + (STREAM_WORDS + k) * g.padded + g.first_world);
@@ -143,7 +142,6 @@ void run_rollout(const ReplayArguments& g, ReplayLanes& run) {
     for (int k = 0; k < STREAM_WORDS; ++k) {
         lanes_at(g.state.random + (STREAM_WORDS + k) * g.padded + g.first_world) = noise.s[k];
     }
-    recall(g, true, run);
     write_seen(g, used(g), run);
 }
 

@@ -41,8 +41,8 @@ std::vector<T> copy(const Vector<T>& values) {
 }
 
 // A view of memory that its owner, a bound object, keeps; flags are shown as such.
-template <class Stored>
-auto view(nb::handle owner, std::vector<Stored>& values, const Shape& shape) {
+template <class Stored, class Allocator>
+auto view(nb::handle owner, std::vector<Stored, Allocator>& values, const Shape& shape) {
     using Shown = std::conditional_t<std::is_same_v<Stored, std::uint8_t>, bool, Stored>;
     return nb::ndarray<nb::numpy, Shown>(reinterpret_cast<Shown*>(values.data()), shape.size(), shape.data(), owner);
 }

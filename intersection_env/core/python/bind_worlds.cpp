@@ -5,6 +5,7 @@
 #include <cmath>
 #include <memory>
 #include <optional>
+#include <span>
 #include <string>
 #include <type_traits>
 #include <vector>
@@ -75,11 +76,12 @@ void bind_buffers(nb::class_<Worlds>& bound) {
     });
 }
 
+// The arrays of a dictionary, which keeps them alive, as they lie in memory.
 RecordedScenes scenes_of(const Arrays& arrays) {
     RecordedScenes s;
-    const auto take = [&arrays]<class T>(const char* name, std::vector<T>& values) {
+    const auto take = [&arrays]<class T>(const char* name, std::span<const T>& values) {
         const auto array = taken<T>(arrays, name);
-        values.assign(array.data(), array.data() + array.size());
+        values = {array.data(), array.size()};
     };
     take("scene_tracks", s.scene_tracks);
     take("track_samples", s.track_samples);
@@ -90,8 +92,7 @@ RecordedScenes scenes_of(const Arrays& arrays) {
     take("track_max_speed", s.max_speed);
     take("position", s.position);
     take("speed", s.speed);
-    const auto observed = taken<bool>(arrays, "observed");
-    s.observed.assign(observed.data(), observed.data() + observed.size());
+    take("observed", s.observed);
     return s;
 }
 
@@ -159,6 +160,9 @@ void bind_closed_loop(nb::module_& m) {
                 },
                 "map"_a, "policy"_a, "worlds"_a, "vehicles"_a, "max_cycles"_a, "autoreset"_a, "threads"_a,
                 "isa"_a = nb::none(), "bodies"_a = "circles")
+            .def_prop_ro("is_plain", &ClosedLoop::is_plain,
+                         "Whether no two routes of the map have more to do with each other than a lane before a split, "
+                         "or one conflict and the lane after it: steps are faster then.")
             .def("reset", &ClosedLoop::reset, "seed"_a, "desynchronise"_a, nb::call_guard<nb::gil_scoped_release>())
             .def(
                 "reset_worlds",
@@ -188,11 +192,11 @@ void bind_replay(nb::module_& m) {
             [](Replay* self, std::shared_ptr<const Map> map, Policy policy, bool recording, const Arrays& scenes,
                const Vector<std::int32_t>& actors, int worlds, const std::string& autoreset, int threads,
                const std::optional<std::string>& isa, const std::string& bodies) {
-                RecordedScenes recorded = scenes_of(scenes);
+                const RecordedScenes recorded = scenes_of(scenes);
                 std::vector<std::int32_t> may_act = copy(actors);
                 const nb::gil_scoped_release release;
-                new (self) Replay(std::move(map), std::move(policy), recording, std::move(recorded), std::move(may_act),
-                                  worlds, bodies_named(bodies), autoreset_named(autoreset), threads,
+                new (self) Replay(std::move(map), std::move(policy), recording, recorded, std::move(may_act), worlds,
+                                  bodies_named(bodies), autoreset_named(autoreset), threads,
                                   isa ? kernel_named(*isa) : kernel_for_worlds(worlds));
             },
             "map"_a, "policy"_a, "recording"_a, "scenes"_a, "actors"_a.noconvert(), "worlds"_a, "autoreset"_a,

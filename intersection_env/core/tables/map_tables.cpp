@@ -68,7 +68,8 @@ bool is_plain(const Map& map, const Between& between) {
     if (between.conflicts.size() > 1 || one.by_arrival || one.line != map.routes[at(one.prioritized)].stop_line) {
         return false;
     }
-    const bool merges = between.lanes.size() == 1 && between.lanes[0].end >= FAR &&
+    const bool merges = between.lanes.size() == 1 &&
+                        between.lanes[0].end >= map.routes[at(between.lanes[0].a)].length && // nobody reaches its end
                         on(one, between.lanes[0].a).end == between.lanes[0].begin_a &&
                         on(one, between.lanes[0].b).end == between.lanes[0].begin_b;
     return one.merging ? merges : between.lanes.empty();

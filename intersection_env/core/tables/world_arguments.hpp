@@ -60,7 +60,8 @@ struct ReplayArguments {
     int worlds;                 // that exist from first_world on
     const std::uint8_t* wanted; // the worlds to start; null: none but those of a rollout that end
     const std::int32_t* given;  // the track to start with, or -1: drawn; or to watch
-    float* seen;                // SEEN_COLUMNS a sample, of what is watched
+    std::int32_t* seen;         // one a sample, of what is watched ...
+    bool by_arrival;            // ... where some wait for who arrived first: what they decided before then matters
     bool desynchronise;         // begin anywhere within the track
 
     ReplayState<Pointer> state; // random: (8, padded worlds)

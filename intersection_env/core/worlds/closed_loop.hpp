@@ -11,6 +11,7 @@
 #include "threads.hpp"
 #include "worlds/autoreset.hpp"
 #include "worlds/fields.hpp"
+#include "worlds/zeroed.hpp"
 
 namespace intersection_env {
 
@@ -25,9 +26,11 @@ class ClosedLoop {
 
     int worlds() const { return worlds_; }
     int vehicles() const { return vehicles_; }
+    // Whether one short row says what two routes are to each other, which is faster.
+    bool is_plain() const { return tables_.rows().links == nullptr; }
 
     // World after world; the next step overwrites them.
-    using Buffers = ClosedLoopBuffers<Values>;
+    using Buffers = ClosedLoopBuffers<Zeroed>;
     Buffers buffers;
 
     // Throw std::runtime_error where no start without a violated constraint is found, before a first reset, and

@@ -56,7 +56,8 @@ void forget_step(Buffers& buffers, long world, int vehicles) {
                     typename std::remove_reference_t<decltype(values)>::value_type{});
     };
     Buffers::for_each([&](auto field, auto member) {
-        if constexpr (std::is_same_v<decltype(member), Values<std::uint8_t> Buffers::*>) {
+        if constexpr (std::is_same_v<typename std::remove_cvref_t<decltype(buffers.*member)>::value_type,
+                                     std::uint8_t>) {
             clear(buffers.*member, numbers_in_world(field.per, vehicles));
         }
     });

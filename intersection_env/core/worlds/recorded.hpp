@@ -1,62 +1,58 @@
-// Recorded scenes as a replay needs them: who shares a scene with whom, in which order they followed and entered.
+// Recorded scenes as a replay needs them: who shares a scene with whom, and what each can have to do with the other.
 #pragma once
 
 #include <cstdint>
-#include <memory>
+#include <span>
 #include <vector>
 
 #include "intersection_env/map.hpp"
 #include "tables/recorded_rows.hpp"
+#include "worlds/recorded_scenes.hpp"
 
 namespace intersection_env {
 
-// As in the scenes file. One entry a scene, a track or a sample; offsets have one more.
-struct RecordedScenes {
-    std::vector<std::int64_t> scene_tracks, track_samples;
-    std::vector<std::int32_t> route, start; // start: step of the scene at which a track appears
-    std::vector<float> length, width, max_speed;
-    std::vector<float> position, speed;
-    std::vector<std::uint8_t> observed;
-
-    int tracks() const { return static_cast<int>(route.size()); }
-};
-
 class Recorded {
   public:
-    // recording: gap decisions and blame follow the recorded order. actors: the tracks that a start may draw.
-    // Throws std::invalid_argument for arrays that contradict each other or the map.
-    Recorded(const Map& map, RecordedScenes scenes, std::vector<std::int32_t> actors, bool recording);
+    // recording: gap decisions and blame follow the recorded order; actors: the tracks that a start may draw;
+    // needs_v_max: gap decisions ask for it. Throws std::invalid_argument for scenes that `check` refuses.
+    Recorded(const Map& map, const RecordedScenes& scenes, std::vector<std::int32_t> actors, bool recording,
+             bool needs_v_max);
 
     RecordedRows rows() const;
-    float* seen() { return seen_.data(); } // SEEN_COLUMNS a sample, which a kernel fills in
-    const RecordedScenes& scenes() const { return scenes_; }
-    int scene_of(int track) const { return scene_[static_cast<std::size_t>(track)]; }
-    int first_step(int track) const { return scenes_.start[static_cast<std::size_t>(track)]; }
-    int end_step(int track) const;
+    std::int32_t* seen() { return seen_.data(); } // one a sample, which a kernel that watches fills in
+
+    int tracks() const { return static_cast<int>(tracks_.size()) / TRACK_COLUMNS; }
+    int first_step(int track) const { return step(track, 5); }
+    int end_step(int track) const { return step(track, 6); }
 
   private:
-    void check(const Map& map) const;
-    void add_track(const Map& map, int track, bool recording);
-    bool asks_for_stop(const Map& map, int track, bool recording) const;
+    // What it is made from.
+    struct Source {
+        const Map& map;
+        const RecordedScenes& scenes;
+        bool recording;
+    };
     struct Order {
         bool follows, first; // the own one was behind in the lane, went first through the conflict
         Fault fault;
     };
-    void add_companion(const Map& map, int own, int other, bool recording);
-    void add_windows(int track, long first);
-    void add_companion_row(const Map& map, int own, int other, const Conflict* conflict, const SharedLane* lane,
-                           const Order& order);
-    static Fault fault_of(const Conflict* conflict, int route, bool follows, bool first, bool recording);
-    void add_samples(const Map& map);
-    void add_accelerations();
-    void mark_held();
-    bool is_ahead(const SharedLane& lane, int own, int other) const;
-    bool went_first(const Conflict& conflict, int own, int other) const;
-    float reaches(int track, float arc_length) const;
+    void add_samples(const Source& from);
+    void add_v_max(const Source& from);
+    void add_companions_in_scene(const Source& from, int scene, int track);
+    void add_companions(const Source& from, int own, int other);
+    void add_companion(const Source& from, int own, int other, const Conflict* conflict, const SharedLane* lane,
+                       const Order& order);
+    void add_track(const Source& from, int track);
+    void add_windows(const Source& from, int track, std::span<const float> companions);
+    void mark_held(const Source& from, int track, std::span<const float> companions);
+    long companions() const { return static_cast<long>(companions_.size()) / COMPANION_COLUMNS; }
+    int step(int track, int column) const {
+        return static_cast<int>(tracks_[static_cast<std::size_t>(track * TRACK_COLUMNS + column)]);
+    }
 
-    RecordedScenes scenes_;
-    std::vector<std::int32_t> actors_, scene_, windows_, listed_;
-    std::vector<float> acceleration_, track_rows_, sample_rows_, companion_rows_, seen_;
+    std::vector<std::int32_t> actors_, windows_, listed_, seen_;
+    std::vector<float> tracks_, samples_, v_max_, companions_;
+    Grid grid_{};
 };
 
 } // namespace intersection_env

@@ -16,12 +16,12 @@ std::size_t at(long index) { return static_cast<std::size_t>(index); }
 
 } // namespace
 
-Replay::Replay(std::shared_ptr<const Map> map, Policy policy, bool recording, RecordedScenes scenes,
+Replay::Replay(std::shared_ptr<const Map> map, Policy policy, bool recording, const RecordedScenes& scenes,
                std::vector<std::int32_t> actors, int worlds, Bodies bodies, Autoreset autoreset, int threads,
                const Kernel& kernel)
     : tables_(std::move(map)), policy_(std::move(policy)),
-      recorded_(tables_.map(), std::move(scenes), std::move(actors), recording), recording_(recording), worlds_(worlds),
-      bodies_(bodies), padded_((worlds + WORLDS_PER_BLOCK - 1L) / WORLDS_PER_BLOCK * WORLDS_PER_BLOCK),
+      recorded_(tables_.map(), scenes, std::move(actors), recording, policy_.gap == Gap::sumo), recording_(recording),
+      worlds_(worlds), bodies_(bodies), padded_((worlds + WORLDS_PER_BLOCK - 1L) / WORLDS_PER_BLOCK * WORLDS_PER_BLOCK),
       autoreset_(autoreset), kernel_(kernel), threads_(threads) {
     if (worlds < 1 || worlds > 1 << 24) {
         throw std::invalid_argument("worlds must be from 1 to 16777216, not " + std::to_string(worlds));
@@ -69,11 +69,12 @@ void Replay::share(int count, const ReplayArguments& shared) {
 // What the recorded vehicles see and say depends on the recording alone: it is found out once.
 void Replay::watch() {
     ReplayArguments shared = arguments(Task::watch);
-    std::vector<std::int32_t> tracks(at(recorded_.scenes().tracks()));
+    std::vector<std::int32_t> tracks(at(recorded_.tracks()));
     std::iota(tracks.begin(), tracks.end(), 0);
     shared.given = tracks.data();
     shared.seen = recorded_.seen();
-    share(recorded_.scenes().tracks(), shared);
+    shared.by_arrival = std::ranges::any_of(tables_.map().conflicts, &Conflict::by_arrival);
+    share(recorded_.tracks(), shared);
 }
 
 void Replay::run(Task task, const std::uint8_t* wanted, const std::int32_t* given, bool desynchronise,
@@ -143,8 +144,7 @@ void Replay::start(int world, int track) {
     if (world < 0 || world >= worlds_) {
         throw std::invalid_argument("there is no world " + std::to_string(world));
     }
-    if (track < 0 || track >= recorded_.scenes().tracks() ||
-        recorded_.end_step(track) - recorded_.first_step(track) < 2) {
+    if (track < 0 || track >= recorded_.tracks() || recorded_.end_step(track) - recorded_.first_step(track) < 2) {
         throw std::invalid_argument("track " + std::to_string(track) + " cannot act: unknown, or too short");
     }
     std::vector<std::uint8_t> wanted(at(worlds_));
@@ -195,7 +195,7 @@ void Replay::check(const State& state) const {
     });
     for (std::size_t world = 0; world < state.track.size(); ++world) {
         const int track = state.track[world];
-        if (track < 0 || track >= recorded_.scenes().tracks() || state.time[world] < recorded_.first_step(track) ||
+        if (track < 0 || track >= recorded_.tracks() || state.time[world] < recorded_.first_step(track) ||
             state.time[world] >= recorded_.end_step(track) || !(std::fabs(state.position[world]) < FAR) ||
             !(state.speed[world] >= 0.0F && state.speed[world] <= MOST_SPEED) ||
             !std::isfinite(state.acceleration[world]) || state.waited[world] < 0 || state.waited[world] > MOST_WAITED) {

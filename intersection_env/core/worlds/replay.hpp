@@ -12,13 +12,14 @@
 #include "worlds/autoreset.hpp"
 #include "worlds/fields.hpp"
 #include "worlds/recorded.hpp"
+#include "worlds/zeroed.hpp"
 
 namespace intersection_env {
 
 class Replay {
   public:
     // Throws std::invalid_argument for numbers that are out of range, or scenes that are refused.
-    Replay(std::shared_ptr<const Map> map, Policy policy, bool recording, RecordedScenes scenes,
+    Replay(std::shared_ptr<const Map> map, Policy policy, bool recording, const RecordedScenes& scenes,
            std::vector<std::int32_t> actors, int worlds, Bodies bodies, Autoreset autoreset, int threads,
            const Kernel& kernel);
     ~Replay();
@@ -27,10 +28,9 @@ class Replay {
 
     int worlds() const { return worlds_; }
     int vehicles() const { return 1; } // that act in a world
-    const Recorded& recorded() const { return recorded_; }
 
     // World after world; the next step overwrites them.
-    using Buffers = ReplayBuffers<Values>;
+    using Buffers = ReplayBuffers<Zeroed>;
     Buffers buffers;
 
     // Throw std::runtime_error before a first reset, and while another thread is in such a call.

@@ -20,12 +20,6 @@ inline Sampled sample_action(const Rollout& r, const Floats* features, Floats no
     return {latent, log_probability, evaluate(*r.value, features, Tanh{}), tanh(latent)};
 }
 
-// Where a vehicle's return was cut, and the value of what it saw last.
-struct Cut {
-    Ints mask;
-    Floats value;
-};
-
 // Where the results of one step go. In each array the worlds lie `stride` vehicles apart.
 struct Place {
     long first, stride;
@@ -37,14 +31,38 @@ struct Place {
     }
 };
 
-// The values of what the step before led to: of the last observation where a return was cut.
-inline void put_next_values(const Rollout& r, const Place& before, const Floats* value, const Cut* cut) {
-    Floats next[MAX_VEHICLES];
-    for (int i = 0; i < before.vehicles; ++i) {
-        next[i] = cut[i].mask ? cut[i].value : value[i];
+// What cut vehicles saw last, until the value network is asked, which takes it a full row of lanes at a time: in most
+// steps nobody is cut, or in one lane.
+struct LastSeen {
+    float features[FEATURES][(MAX_VEHICLES + 1) * WIDTH];
+    long place[(MAX_VEHICLES + 1) * WIDTH]; // where the value goes
+    int count = 0;
+
+    void add(const Floats* seen, unsigned lanes, long first, long stride) {
+        for (int f = 0; f < FEATURES; ++f) {
+            compress(reinterpret_cast<Ints>(seen[f]), lanes, reinterpret_cast<int*>(features[f] + count));
+        }
+        for (; lanes != 0; lanes &= lanes - 1) {
+            place[count++] = first + __builtin_ctz(lanes) * stride;
+        }
     }
-    before.put(next, r.value_next);
-}
+
+    // Writes the values of full rows; least: what is left to do at least.
+    void put(const Rollout& r, int least) {
+        while (count >= least && count > 0) {
+            const int first = count > WIDTH ? count - WIDTH : 0;
+            Floats input[FEATURES];
+            for (int f = 0; f < FEATURES; ++f) {
+                __builtin_memcpy(&input[f], features[f] + first, sizeof(Floats));
+            }
+            const Floats value = evaluate(*r.value, input, Tanh{});
+            for (int k = first; k < count; ++k) {
+                r.value_next[place[k]] = value[k - first];
+            }
+            count = first;
+        }
+    }
+};
 
 // Samples every vehicle's action, and writes what led to it. Returns through `value` what it expects of each.
 template <class Worlds>
@@ -70,18 +88,18 @@ inline void act(const Rollout& r, const Place& here, Random& noise, Worlds& worl
 
 // Writes what a step led to: rewards, and where it cut returns.
 template <class Worlds>
-inline void conclude(const Rollout& r, const Place& here, Ints ends, const Worlds& worlds, Cut* cut) {
+inline void conclude(const Rollout& r, const Place& here, Ints ends, const Worlds& worlds, LastSeen& last) {
     here.put(worlds.paid(), r.reward);
     clear_flags(r.terminated + here.first, here.stride, here.lanes, here.vehicles);
     clear_flags(r.cut + here.first, here.stride, here.lanes, here.vehicles);
     for (int i = 0; i < here.vehicles; ++i) {
-        cut[i].mask = ends | worlds.left(i);
-        if (any(cut[i].mask)) {
+        const unsigned cut = here.lanes & bits(ends | worlds.left(i));
+        if (cut != 0) {
             set_flags(r.terminated + here.first + i, here.stride, here.lanes & bits(ends & worlds.blamed(i)));
-            set_flags(r.cut + here.first + i, here.stride, here.lanes & bits(cut[i].mask));
+            set_flags(r.cut + here.first + i, here.stride, cut);
             Floats features[FEATURES];
             worlds.observe_last(i, features);
-            cut[i].value = evaluate(*r.value, features, Tanh{});
+            last.add(features, cut, here.first + i, here.stride);
         }
     }
 }
@@ -97,15 +115,16 @@ inline bool roll_out(const Rollout& r, int steps, long first_world, unsigned lan
     const auto place = [&](long step) {
         return Place{first_world * stride + step * vehicles, stride, lanes, vehicles};
     };
-    Cut cut[MAX_VEHICLES];
+    LastSeen last;
     Floats value[MAX_VEHICLES];
     for (int step = 0; step < steps; ++step) {
         act(r, place(step), noise, worlds, value);
         if (step > 0) {
-            put_next_values(r, place(step - 1), value, cut);
+            place(step - 1).put(value, r.value_next);
+            last.put(r, WIDTH); // after it, which wrote there too
         }
         const Ints ends = worlds.step();
-        conclude(r, place(step), ends, worlds, cut);
+        conclude(r, place(step), ends, worlds, last);
         if (any(ends) && !worlds.restart(ends)) {
             return false;
         }
@@ -115,7 +134,8 @@ inline bool roll_out(const Rollout& r, int steps, long first_world, unsigned lan
         worlds.observe(i, features);
         value[i] = evaluate(*r.value, features, Tanh{});
     }
-    put_next_values(r, place(steps - 1), value, cut);
+    place(steps - 1).put(value, r.value_next);
+    last.put(r, 1);
     return true;
 }
 

@@ -74,19 +74,27 @@ inline void place(const MapRows& map, int count, World& world) {
 
 // The memories of the model at a start, then what each sees and decides.
 template <Gap GAP>
-inline void look_afresh(const MapRows& map, const GapNetwork* network, int count, Bodies bodies, World& world) {
+inline void look_afresh(const MapRows& map, const GapNetwork* network, int count, World& world) {
     for (int i = 0; i < count; ++i) {
         Slot& slot = world.slots[i];
         observe_vehicle(map, slot);
-        if (bodies != Bodies::unseen) {
-            locate(map, bodies, slot);
-        }
         slot.delta = under_way(slot);
         slot.hold = all_ints(-1);
         slot.waited = Ints{};
         slot.left = Ints{};
     }
-    decide<GAP>(map, network, count, bodies, world);
+    decide<GAP>(map, network, count, Bodies::unseen, world);
+}
+
+// Marks the worlds in which vehicles collide that were looked at.
+inline void find_collisions(const MapRows& map, int count, Bodies bodies, World& world) {
+    world.collided = Ints{};
+    for (int i = 0; i < count; ++i) {
+        locate(map, bodies, world.slots[i]);
+        for (int j = 0; j < i; ++j) {
+            touch(map, bodies, world, j, i);
+        }
+    }
 }
 
 inline Floats violation(const Slot& slot) { return slowness(slot) + trespass(slot); }
@@ -97,7 +105,11 @@ inline Ints try_start(const MapRows& map, const GapNetwork* network, int count, 
     world.exists = all_ints(-1);
     place(map, count, world);
     for (int round = 0; round <= SPEED_ROUNDS; ++round) {
-        look_afresh<GAP>(map, network, count, Bodies::unseen, world);
+        if (round == 0) { // only who leads whom matters yet; a rule is cheaper than the network
+            look_afresh<Gap::critical_gap>(map, nullptr, count, world);
+        } else {
+            look_afresh<GAP>(map, network, count, world);
+        }
         Ints changed{};
         for (int i = 0; i < count && round < SPEED_ROUNDS; ++i) {
             Slot& slot = world.slots[i];
@@ -120,7 +132,7 @@ inline Ints try_start(const MapRows& map, const GapNetwork* network, int count, 
         good &= violation(world.slots[i]) <= TOLERANCE;
     }
     if (any(good)) {
-        look_afresh<GAP>(map, network, count, bodies, world);
+        find_collisions(map, count, bodies, world);
         good &= ~world.collided;
     }
     return good;

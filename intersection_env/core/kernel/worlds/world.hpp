@@ -5,6 +5,7 @@
 #include "kernel/step/decide.hpp"
 #include "kernel/step/reward.hpp"
 #include "kernel/step/stops.hpp"
+#include "kernel/worlds/open_gaps.hpp"
 #include "model/circles.hpp"
 #include "model/contact.hpp"
 #include "tables/map_tables.hpp"
@@ -27,19 +28,12 @@ struct Slot : VehicleLanes {
     Floats top_speed() const { return max_speed; }
 };
 
-// Gap decisions that wait for the network, which takes them a full row of lanes at a time.
-struct Waiting {
-    int who[3 * WIDTH]; // lane, yielder and foe, a byte each
-    float pga[3 * WIDTH], line[3 * WIDTH];
-    int count;
-};
-
 struct World {
     Slot slots[MAX_VEHICLES];
     Random random;
     Ints cycle, collided;
     Ints exists; // mask: the lanes that stand for a world
-    Waiting waiting;
+    OpenGaps open;
 };
 
 inline void load_route(const MapRows& map, Slot& slot) {
@@ -114,47 +108,12 @@ inline Link link(const MapRows& map, const Slot& own, const Slot& other, int k) 
     return {row[0], row[1], row[2], row[3], row[4], row[5], row[6], row[7], row[8] != 0.0F};
 }
 
-// The network's answers to the first that wait, at most a row of them.
-inline void answer(const GapNetwork& network, World& world) {
-    Waiting& waiting = world.waiting;
-    const int count = waiting.count < WIDTH ? waiting.count : WIDTH;
-    alignas(64) float features[GAP_INPUTS][WIDTH] = {};
-    for (int k = 0; k < count; ++k) {
-        const int l = waiting.who[k] & 255;
-        const Slot &yielder = world.slots[waiting.who[k] >> 8 & 255], &foe = world.slots[waiting.who[k] >> 16];
-        features[0][k] = waiting.pga[k] - yielder.rear[l];
-        features[1][k] = yielder.speed[l];
-        features[2][k] = waiting.line[k] - foe.front[l];
-        features[3][k] = foe.speed[l];
-    }
-    const Floats logit = evaluate(network, reinterpret_cast<const Floats*>(features), LeakyRelu{});
-    unsigned refused = bits(~(logit > 0.0F)) & ((1U << count) - 1);
-    for (; refused != 0; refused &= refused - 1) {
-        const int who = waiting.who[__builtin_ctz(refused)];
-        world.slots[who >> 8 & 255].refused[who & 255] = -1;
-    }
-    waiting.count -= count;
-    for (int k = 0; k < waiting.count; ++k) {
-        waiting.who[k] = waiting.who[k + WIDTH];
-        waiting.pga[k] = waiting.pga[k + WIDTH];
-        waiting.line[k] = waiting.line[k + WIDTH];
-    }
-}
+// Told of a yielder whose gap the network refuses: its lane, and its slot in the upper byte.
+struct RefusedIn {
+    World& world;
 
-// Puts the open lanes of vehicles i and j on the list.
-inline void ask(const GapNetwork& network, Ints open, Ints first_yields, Floats pga, Floats line, int i, int j,
-                World& world) {
-    Waiting& waiting = world.waiting;
-    const Ints who = lane_numbers() | (first_yields ? all_ints(i << 8 | j << 16) : all_ints(j << 8 | i << 16));
-    const unsigned lanes = bits(open);
-    compress(who, lanes, waiting.who + waiting.count);
-    compress(reinterpret_cast<Ints>(pga), lanes, reinterpret_cast<int*>(waiting.pga + waiting.count));
-    compress(reinterpret_cast<Ints>(line), lanes, reinterpret_cast<int*>(waiting.line + waiting.count));
-    waiting.count += __builtin_popcount(lanes);
-    if (waiting.count >= WIDTH) {
-        answer(network, world);
-    }
-}
+    void operator()(int who) const { world.slots[who >> 8].refused[who & 255] = -1; }
+};
 
 // The gap decision of two vehicles of which a sees `seen`. kind, own_end, other_end: as in Link; line: of the one that
 // goes first. open: where it counts.
@@ -165,7 +124,10 @@ inline void judge(const GapNetwork* network, World& world, int i, int j, Ints op
     const Ints a_yields = kind > 0.0F;
     const Floats pga = a_yields ? own_end : other_end, foe_end = a_yields ? other_end : own_end;
     if constexpr (GAP == Gap::network) {
-        ask(*network, open, a_yields, pga, line, i, j, world);
+        const Floats features[GAP_INPUTS] = {pga - (a_yields ? a.rear : b.rear), a_yields ? a.speed : b.speed,
+                                             line - (a_yields ? b.front : a.front), a_yields ? b.speed : a.speed};
+        const Ints who = lane_numbers() | (a_yields ? all_ints(i << 8) : all_ints(j << 8));
+        ask(*network, features, who, open, world.open, RefusedIn{world});
         return;
     }
     const Encounter met = {pga - (a_yields ? a.rear : b.rear),
@@ -181,6 +143,9 @@ inline void judge(const GapNetwork* network, World& world, int i, int j, Ints op
     seen.refused |= refused & a_yields;
     b.refused |= refused & ~a_yields;
 }
+
+// Mask: no gap decision changes what it decides. refused: where something refuses it already.
+inline Ints is_decided(const Slot& slot, Ints refused) { return settled(slot) | refused | slot.refused; }
 
 // Who leads whom, and whether the one that yields to the other accepts the gap. seen: what a has seen so far.
 template <Gap GAP>
@@ -202,7 +167,8 @@ inline void meet(const MapRows& map, const GapNetwork* network, World& world, in
     const Ints active = (r.kind != 0.0F) & (rear < pga) & (foe_position < foe_end);
     b.kept |= active & a_yields & settled(a) & ~b.delta;
     seen.kept |= active & ~a_yields & settled(b) & ~a.delta;
-    const Ints open = active & (foe_hold <= route);
+    const Ints decided = a_yields ? is_decided(a, seen.refused) : is_decided(b, Ints{});
+    const Ints open = active & (foe_hold <= route) & ~decided;
     if (any(open)) {
         const Floats line = a_yields ? b.stop_line : a.stop_line;
         judge<GAP>(network, world, i, j, open, r.kind, r.own_end, r.other_end, line, seen);
@@ -239,7 +205,8 @@ inline void meet_along_lanes(const MapRows& map, const GapNetwork* network, Worl
                                       : (b.rear < r.other_end) & (a.position < r.own_end));
         b.kept |= active & a_yields & settled(a) & ~b.delta;
         seen.kept |= active & ~a_yields & settled(b) & ~a.delta;
-        const Ints open = active & ((a_yields ? b.hold : a.hold) <= (a_yields ? a.route : b.route));
+        const Ints decided = a_yields ? is_decided(a, seen.refused) : is_decided(b, Ints{});
+        const Ints open = active & ((a_yields ? b.hold : a.hold) <= (a_yields ? a.route : b.route)) & ~decided;
         if (any(open)) {
             judge<GAP>(network, world, i, j, open, r.kind, r.own_end, r.other_end, r.line, seen);
         }
@@ -308,7 +275,7 @@ template <Gap GAP>
 // looks for collisions.
 template <Gap GAP>
 inline void decide(const MapRows& map, const GapNetwork* network, int count, Bodies bodies, World& world) {
-    world.waiting.count = 0;
+    world.open.count = 0;
     world.collided = Ints{};
     for (int i = 0; i < count && map.stops != 0; ++i) {
         remember_stop(world.slots[i]);
@@ -318,9 +285,7 @@ inline void decide(const MapRows& map, const GapNetwork* network, int count, Bod
     } else {
         meet_all_along_lanes<GAP>(map, network, count, bodies, world);
     }
-    if (GAP == Gap::network && world.waiting.count > 0) {
-        answer(*network, world);
-    }
+    answer_rest(network, world.open, RefusedIn{world});
     for (int i = 0; i < count; ++i) {
         decide_vehicle(world.slots[i], world.slots[i].route);
     }
