@@ -173,15 +173,22 @@ void Predictor::add_candidates(const Traffic& traffic, int i, Bound& bound) cons
 }
 
 void Predictor::add_touches(const Traffic& traffic, Bound& bound) const {
-    std::array<float, MAX_VEHICLES> half_diagonal{};
+    std::array<float, MAX_VEHICLES> half_diagonal{}, x{}, y{};
     for (int i = 0; i < traffic.count(); ++i) {
         half_diagonal[at(i)] = 0.5F * std::hypot(traffic.length[at(i)], traffic.width[at(i)]);
+        const Sample centre = straight_on(*map_, traffic.route[at(i)], traffic.position[at(i)]);
+        x[at(i)] = centre.x;
+        y[at(i)] = centre.y;
     }
     for (int a = 0; a < traffic.count(); ++a) {
         for (int b = a + 1; b < traffic.count(); ++b) {
             Touch touch{a, b, EVERYWHERE, EVERYWHERE, half_diagonal[at(a)] + half_diagonal[at(b)] + ROUNDED_REACH};
             // who overlaps from the start, as perception may have it, does not count
-            const auto apart = [&] { return clearance(*map_, body(traffic, a), body(traffic, b)) > 0.0F; };
+            const auto apart = [&] {
+                const float across = x[at(a)] - x[at(b)], along = y[at(a)] - y[at(b)];
+                return across * across + along * along > touch.reach * touch.reach ||
+                       clearance(*map_, body(traffic, a), body(traffic, b)) > 0.0F;
+            };
             if (traffic.route[at(a)] == traffic.route[at(b)]) {
                 if (apart()) {
                     bound.touches.push_back(touch);
