@@ -22,7 +22,6 @@ using Seconds = std::chrono::duration<double>;
 
 constexpr Seconds WORTH_WAKING{100e-6}; // ours: so much work for every thread that is woken, which takes some 20 us
 constexpr Seconds NEVER{1e9};
-constexpr int TIMED = 4;  // ours: items of a round; the quickest counts, as others may have been interrupted
 constexpr int LOOKS = 30; // ours: how often the caller looks whether the others are done before it sleeps
 
 } // namespace
@@ -64,32 +63,46 @@ struct Threads::Pool {
         }
     }
 
-    // Wakes as many as the work that is left is worth, if any is; returns whether that was anybody.
-    bool wake(int left, Seconds each) {
-        const double worth = static_cast<double>(left) * (each / WORTH_WAKING);
-        const int wanted = static_cast<int>(std::clamp(worth, 0.0, static_cast<double>(workers.size())));
-        for (int k = 0; k < wanted; ++k) {
-            begin.notify_one();
-        }
-        return wanted > 0;
+    // How many others such work is worth, if any.
+    int helpers(int left) const {
+        const double worth = static_cast<double>(left) * (per_item / WORTH_WAKING);
+        return static_cast<int>(std::clamp(worth, 0.0, static_cast<double>(workers.size())));
     }
 
-    // The caller's part: alone as long as what is left is not worth waking anybody.
-    void lead() {
-        bool together = wake(items - 1, per_item);
-        Seconds least = NEVER;
+    // The caller has just done so many items since then. One interruption, or a round of another kind, is forgotten
+    // soon.
+    void remember(int done, Clock::time_point since) {
+        if (done > 0) {
+            const Seconds now = Seconds(Clock::now() - since) / done;
+            per_item = per_item == NEVER ? now : std::clamp(now, 0.25 * per_item, 8.0 * per_item);
+        }
+    }
+
+    void work_alone(int all, const std::function<void(int, int)>& wanted) {
+        const auto start = Clock::now();
+        for (int item = 0; item < all; ++item) {
+            wanted(item, 0);
+        }
+        remember(all, start);
+    }
+
+    void work_together(int others, int all, const std::function<void(int, int)>& wanted) {
+        {
+            const std::lock_guard lock(mutex);
+            work = &wanted;
+            next = 0;
+            items = unfinished = all;
+        }
+        const auto start = Clock::now();
+        for (int k = 0; k < others; ++k) {
+            begin.notify_one();
+        }
         int done = 0;
         for (int item = take(0); item >= 0; item = take(1)) {
-            const auto start = done < TIMED ? Clock::now() : Clock::time_point();
-            (*work)(item, 0);
-            if (++done <= TIMED) {
-                least = std::min<Seconds>(least, Clock::now() - start);
-                together = together || (done > 1 && wake(items - done, least));
-            }
+            wanted(item, 0);
+            ++done;
         }
-        if (done > 0) {
-            per_item = per_item == NEVER ? least : std::clamp(least, 0.5 * per_item, 2.0 * per_item);
-        }
+        remember(done, start);
         for (int look = 0; look < LOOKS && unfinished > 0; ++look) {
             std::this_thread::yield();
         }
@@ -144,13 +157,12 @@ void Threads::share(int items, const std::function<void(int, int)>& work) {
         }
         return;
     }
-    {
-        const std::lock_guard lock(pool.mutex);
-        pool.work = &work;
-        pool.items = pool.unfinished = items;
-        pool.next = 0;
+    const int others = pool.helpers(items - 1);
+    if (others > 0) {
+        pool.work_together(others, items, work);
+    } else {
+        pool.work_alone(items, work);
     }
-    pool.lead();
 }
 
 Claim::Claim(std::atomic_flag& held) : attempt_(held) {

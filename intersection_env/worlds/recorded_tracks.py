@@ -47,14 +47,12 @@ class RecordedTracks:
         """
         arrays = pack_tracks(scenes.scenes)
         bicycle = arrays["track_class"] == "bicycle"
-        tracks = [(scene, track) for scene in scenes for track in scene.tracks]
-        actors = [
-            index
-            for index, (_, track) in enumerate(tracks)
-            if steps_to_act(track) >= LEAST_STEPS and not bicycle[index]
-        ]
-        if not actors:
-            others = sum(steps_to_act(track) >= LEAST_STEPS for _, track in tracks)
+        tracks = [track for scene in scenes for track in scene.tracks]
+        counts = [len(scene.tracks) for scene in scenes]
+        can_act = np.array([steps_to_act(track) >= LEAST_STEPS for track in tracks], np.bool_)
+        actors = np.flatnonzero(can_act & ~bicycle).astype(np.int32)
+        if not len(actors):
+            others = int(can_act.sum())
             cause = f"{others} are, but they are bicycles" if others else "no bicycle either"
             raise ValueError(
                 f"none of the {len(tracks)} vehicles in {len(scenes)} scenes is a car or truck that is recorded "
@@ -65,12 +63,12 @@ class RecordedTracks:
         return cls(
             scenes,
             arrays,
-            np.array(actors, np.int32),
-            np.array([scene.id for scene, _ in tracks], object),
-            np.array([track.id for _, track in tracks], object),
-            np.array([number for number, scene in enumerate(scenes) for _ in scene.tracks], np.int64),
-            np.array([number for scene in scenes for number, _ in enumerate(scene.tracks)], np.int64),
-            max(float(track.speed.max()) for _, track in tracks),
+            actors,
+            np.repeat(np.array([scene.id for scene in scenes], object), counts),
+            np.array([track.id for track in tracks], object),
+            np.repeat(np.arange(len(counts)), counts),
+            np.concatenate([np.arange(count) for count in counts]),
+            max(float(track.speed.max()) for track in tracks),
         )
 
     def samples(self) -> dict[str, NDArray[Any]]:
