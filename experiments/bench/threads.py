@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from intersection_env import ClosedLoopWorlds, ReplayWorlds
+from intersection_env.command import run_command
 
 REPLAYS = (16, 64, 256, 1024)  # worlds, with recorded gaps
 CLOSED_LOOPS = ((1, 12), (16, 4), (16, 12), (64, 4), (64, 12), (1024, 12))  # worlds, vehicles in each
@@ -59,5 +60,10 @@ def _rate(worlds: ReplayWorlds | ClosedLoopWorlds) -> float:
     return steps / seconds
 
 
-if __name__ == "__main__":
+def main() -> None:
+    """Times the grid, and prints it."""
     thread_rates()
+
+
+if __name__ == "__main__":
+    run_command(main)
