@@ -19,7 +19,6 @@ from intersection_env.command import run_command
 REPLAYS = (16, 64, 256, 1024)  # worlds, with recorded gaps
 CLOSED_LOOPS = ((1, 12), (16, 4), (16, 12), (64, 4), (64, 12), (1024, 12))  # worlds, vehicles in each
 PAIRS, SECONDS = 15, 0.02  # of timings; of one timing, at least
-BAR = 0.95  # of one thread's rate
 
 
 def thread_rates() -> list[dict[str, Any]]:
