@@ -1,4 +1,4 @@
-"""How much each weight of both networks moves the error of joint predictions, by the adjoint method.
+"""How much each weight of both networks moves the error of predictions, by the adjoint method.
 
 The core predicts. What was decided and who led in each step is read from there; how accelerations depend on what
 drivers saw, torch says for all steps at once. Then the effect of each acceleration on the error is summed up from the
@@ -8,7 +8,7 @@ of `TorchPredictor` one by one, in a fifth of the time.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import torch
@@ -124,28 +124,48 @@ class _Steps(NamedTuple):
 def _effects(rollout: Rollout, seen: Seen, steps: _Steps, error: Error) -> tuple[float, Tensor]:
     """The error, and how much it grows with the acceleration of each vehicle in each step: (step, moment, vehicle)."""
     applied = (rollout.speed[1:] - rollout.speed[:-1]) / DT
-    motion = Motion(*(one.clone().requires_grad_(True) for one in (rollout.position[1:], rollout.speed[1:], applied)))
-    value = error(motion)
-    of_position, of_speed, of_acceleration = torch.autograd.grad(value, list(motion), materialize_grads=True)
+    value, of = error_by_motion(Motion(rollout.position[1:], rollout.speed[1:], applied), error)
     moves = rollout.present[:-1]
-    acceleration, *slopes = (steps.spread(one.detach(), of_position) for one in steps[1:6])
+    acceleration, *slopes = (steps.spread(one.detach(), of.position) for one in steps[1:6])
     takes_effect = moves & (rollout.speed[:-1] + DT * acceleration >= 0.0)
-    position, speed = torch.zeros_like(of_position[0]), torch.zeros_like(of_position[0])
-    effects = torch.zeros_like(of_position)
+    return value, effects_of_accelerations(of, takes_effect, slopes, moves, seen.lead)
+
+
+def error_by_motion(motion: Motion, error: Error) -> tuple[float, Motion]:
+    """The error of a motion, and how much it grows with each part of that."""
+    parts = Motion(*(one.clone().requires_grad_(True) for one in motion))
+    value = error(parts)
+    return float(value.detach()), Motion(*torch.autograd.grad(value, list(parts), materialize_grads=True))
+
+
+def effects_of_accelerations(
+    of: Motion, takes_effect: Tensor, slopes: Sequence[Tensor], moves: Tensor, lead: Tensor | None
+) -> Tensor:
+    """How much an error grows with each acceleration, what follows from it included: (step, ...).
+
+    Args:
+        of: how much it grows with each part of the motion by itself.
+        takes_effect: (step, ...) bool, whether the acceleration is that of the motion, as who stands brakes no more.
+        slopes: (step, ...) each, how accelerations depend on the own position and speed and, where there are leads, on
+            the lead's.
+        moves: (step, ...) bool, who is there.
+        lead: (step, ..., vehicle) who leads whom; None: nobody.
+    """
+    position, speed = torch.zeros_like(of.position[0]), torch.zeros_like(of.position[0])
+    effects = torch.zeros_like(of.position)
     for step in reversed(range(len(effects))):
-        position, speed = position + of_position[step], speed + of_speed[step]
+        position, speed = position + of.position[step], speed + of.speed[step]
         # v' = max(0, v + DT a), p' = p + DT / 2 (v + v'), the acceleration that counts is (v' - v) / DT
-        moving = moves[step]
-        next_speed = speed + 0.5 * DT * position + of_acceleration[step] / DT
+        next_speed = speed + 0.5 * DT * position + of.acceleration[step] / DT
         effect = torch.where(takes_effect[step], DT * next_speed, 0.0)
         effects[step] = effect
-        kept = torch.where(takes_effect[step], next_speed, 0.0) + 0.5 * DT * position - of_acceleration[step] / DT
-        speed = torch.where(moving, kept + effect * slopes[1][step], speed)
+        kept = torch.where(takes_effect[step], next_speed, 0.0) + 0.5 * DT * position - of.acceleration[step] / DT
+        speed = torch.where(moves[step], kept + effect * slopes[1][step], speed)
         position = position + effect * slopes[0][step]
-        lead = seen.lead[step]
-        position = position.scatter_add(-1, lead, effect * slopes[2][step])
-        speed = speed.scatter_add(-1, lead, effect * slopes[3][step])
-    return float(value.detach()), effects
+        if lead is not None:
+            position = position.scatter_add(-1, lead[step], effect * slopes[2][step])
+            speed = speed.scatter_add(-1, lead[step], effect * slopes[3][step])
+    return effects
 
 
 def _by_acceptance(model: TorchPredictor, assignment: Tensor, begin: Rollout, seen: Seen, steps: _Steps) -> Tensor:

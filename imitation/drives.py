@@ -14,7 +14,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from imitation.adjoint import Motion
+from imitation.adjoint import Error, Motion, effects_of_accelerations, error_by_motion
 from imitation.examples import LEAST_STEPS, Example
 from imitation.expert import expert_steps
 from imitation.map_tables import MapTables
@@ -53,20 +53,60 @@ class Drives(NamedTuple):
         noise: (step, row, 12), added to what the driver sees; None: nothing.
         """
         position, speed = self.position[:, 0], self.speed[:, 0]
-        to_line = tables.stop_line[self.route] - self.half_length
         motion: list[tuple[Tensor, Tensor, Tensor]] = []
         for step in range(steps):
-            v_max, headings = tables.road(self.route, position)
-            gap = self.lead_rear[:, step] - position - self.half_length
-            near = gap <= LEAD_RANGE
-            lead_speed = torch.where(near, self.lead_speed[:, step], FREE_LEAD_SPEED)
-            view = View(to_line - position, speed, v_max, headings, gap.clamp(max=LEAD_RANGE), lead_speed)
-            acceleration = networks.drive(view, self.delta[:, step], None if noise is None else noise[step])
+            own = None if noise is None else noise[step]
+            acceleration = self._accelerations(tables, networks, step, position, speed, own)
             faster = (speed + DT * acceleration).clamp(min=0.0)
             position, applied = position + 0.5 * DT * (speed + faster), (faster - speed) / DT
             speed = faster
             motion.append((position, speed, applied))
         return Motion(*(torch.stack(one) for one in zip(*motion, strict=True)))
+
+    def backward(
+        self, tables: MapTables, networks: Networks, steps: int, error: Error, noise: Tensor | None = None
+    ) -> float:
+        """Adds the gradients of an error of `driven` to the weights of the driver, and returns the error.
+
+        They are those that torch finds through the steps one by one, in half of the time.
+        """
+        with torch.no_grad():
+            motion = self.driven(tables, networks, steps, noise)
+        value, of = error_by_motion(motion, error)
+        started = (torch.cat([one[:, :1].T, after[:-1]]) for one, after in zip(self[2:4], motion, strict=False))
+        position, speed = (one.requires_grad_(True) for one in started)
+        acceleration = self._accelerations(tables, networks, slice(steps), position, speed, noise)
+        slopes = torch.autograd.grad(acceleration.sum(), [position, speed], retain_graph=True)
+        with torch.no_grad():
+            takes_effect = speed + DT * acceleration >= 0.0
+            effects = effects_of_accelerations(of, takes_effect, slopes, torch.ones_like(takes_effect), None)
+        (effects * acceleration).sum().backward()  # type: ignore[no-untyped-call]
+        return value
+
+    def _accelerations(
+        self,
+        tables: MapTables,
+        networks: Networks,
+        steps: int | slice,
+        position: Tensor,
+        speed: Tensor,
+        noise: Tensor | None,
+    ) -> Tensor:
+        """Of one step (row,), or of some at once (step, row) [m/s²]."""
+        lead_rear, lead_speed, delta = (one.T[steps] for one in (self.lead_rear, self.lead_speed, self.delta))
+        v_max, headings = tables.road(self.route.expand(position.shape), position)
+        front = position + self.half_length
+        gap = lead_rear - front
+        near = gap <= LEAD_RANGE
+        view = View(
+            tables.stop_line[self.route] - front,
+            speed,
+            v_max,
+            headings,
+            gap.clamp(max=LEAD_RANGE),
+            torch.where(near, lead_speed, FREE_LEAD_SPEED),
+        )
+        return networks.drive(view, delta, noise)
 
 
 def recorded_drives(tables: MapTables, places: Sequence[Scenes], split: str, every: float) -> Drives:

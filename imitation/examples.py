@@ -20,6 +20,7 @@ from intersection_env.traffic import Traffic
 
 LEAST_STEPS = 5  # what is known for less than 1 s says nothing
 STRETCH, FREE_ROAD = 2.0, 40.0  # [m], of a route; and to the lead of whoever drives freely
+STANDS = 0.5  # [m/s]: who is slower does not drive, freely or not
 NEAR = 60.0  # [m], of a junction
 HARDEST = 3.0  # [m/s²], as recorded drivers brake for a turn
 Floats = NDArray[np.float32]
@@ -112,14 +113,16 @@ def _profile(teacher: Predictor, scenes: Scenes, route: Route, recorded: Floats)
 def _recorded_speeds(scenes: Scenes) -> list[Floats]:
     """Of each route, in each stretch, the speed that one in four exceeds of who is recorded on a free road [m/s].
 
-    The others had to wait just before, many of them. It is infinite beyond the junction's end, as there is no turn to
-    slow for, and where fewer than ten such states are recorded.
+    The others had to wait just before, many of them; who stands, though nothing holds it, does not count. It is
+    infinite beyond the junction's end, as there is no turn to slow for, and where fewer than ten such states are
+    recorded.
     """
     if not scenes.scenes:
         return [np.full(_stretches(one), np.inf, np.float32) for one in scenes.intersection.routes]
     steps = expert_steps(scenes, None)
     seen = steps.observation
     is_free = (seen[:, Driving.ENTERS] > 0.0) & (seen[:, Driving.LEAD_DISTANCE] > FREE_ROAD)
+    is_free &= seen[:, Driving.SPEED] >= STANDS
     found = []
     for one in scenes.intersection.routes:
         own = is_free & (steps.route == one.index)

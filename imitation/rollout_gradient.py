@@ -244,10 +244,11 @@ def _backward_alone(
     if settings.noise:
         drawn = torch.randn((settings.steps, len(rows), len(DRIVING_SCALE)), generator=generator)
         noise = settings.noise * drawn / torch.tensor(DRIVING_SCALE)
-    motion = drives.driven(data.tables, networks, settings.steps, noise)
-    loss = _error(settings, settings.huber, motion, drives.position.T, drives.speed.T, drives.known.T)
-    loss.backward()  # type: ignore[no-untyped-call]
-    return float(loss.detach())
+
+    def error(motion: Motion) -> Tensor:
+        return _error(settings, settings.huber, motion, drives.position.T, drives.speed.T, drives.known.T)
+
+    return drives.backward(data.tables, networks, settings.steps, error, noise)
 
 
 def _backward_jointly(data: Data, networks: Networks, settings: RolloutSettings, generator: torch.Generator) -> float:

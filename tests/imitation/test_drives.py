@@ -9,7 +9,8 @@ from torch import Tensor
 
 from agents.networks.driving import DrivingNetwork
 from agents.networks.export import driving_network
-from imitation.drives import free_drives, recorded_drives
+from imitation.adjoint import Motion
+from imitation.drives import free_drives, joined, recorded_drives
 from imitation.examples import free_examples
 from imitation.expert import expert_steps
 from imitation.map_tables import MapTables
@@ -139,3 +140,31 @@ def test_views_and_features_are_the_same_in_another_form(scenes: Scenes) -> None
         wanted = networks(driving_network(predictor.policy)).drive(view, delta)
     assert float(wanted[0]) == pytest.approx(float(predictor.predict(moment).acceleration[0, 0, 0]), abs=1e-4)
     assert abs(float(wanted[0])) <= ACCELERATION
+
+
+@pytest.mark.parametrize("name", ["gail", "ppo"])
+@pytest.mark.parametrize("noisy", [False, True])
+def test_gradients_are_those_of_the_steps_one_by_one(name: str, noisy: bool, scenes: Scenes, tables: MapTables) -> None:
+    generator = torch.Generator().manual_seed(0)
+    examples = free_examples([scenes], Predictor.load("idm_calibrated"), 40, np.random.default_rng(0))
+    drives = joined(recorded_drives(tables, [scenes], "train", 2.0), free_drives(tables, examples))
+    noise = 0.1 * torch.randn((STEPS, len(drives.route), 12), generator=generator) if noisy else None
+
+    def error(motion: Motion) -> Tensor:
+        """Of all that a training's error depends on."""
+        far = (motion.position - drives.position.T[1:]).square() + (motion.speed - drives.speed.T[1:]).square()
+        return ((far + motion.acceleration.square()) * drives.known.T[1:]).sum() / drives.known.sum()
+
+    driver = driving_network(Predictor.load(name).policy)
+    value = drives.backward(tables, networks(driver), STEPS, error, noise)
+    ours = [weights.grad for weights in driver.parameters()]
+    driver.zero_grad()
+    wanted = error(drives.driven(tables, networks(driver), STEPS, noise))
+    wanted.backward()  # type: ignore[no-untyped-call]
+    assert value == pytest.approx(float(wanted.detach()))
+    for one, weights in zip(ours, driver.parameters(), strict=True):
+        assert one is not None
+        assert weights.grad is not None
+        scale = float(weights.grad.abs().max())
+        assert scale > 0.0
+        torch.testing.assert_close(one, weights.grad, atol=1e-3 * scale, rtol=0.0)

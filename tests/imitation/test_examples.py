@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -12,6 +14,7 @@ from intersection_env import Intersection, Predictor, Scenes
 from intersection_env.evaluation.empty_road import free_drive
 from intersection_env.evaluation.moments import SCORED, moments_of
 from intersection_env.features import Driving
+from intersection_env.scenes.scene import Track
 from tests.support.scenes import small_scenes
 
 
@@ -101,3 +104,16 @@ def test_roads_on_which_nobody_is_recorded_are_driven_as_the_teacher_drives_them
             shares.append(float(one.speed[-1, 0]) / float(np.interp(one.position[-1, 0], places, speeds)))
     assert len(shares) > 20
     assert 0.9 < float(np.median(shares)) < 1.1
+
+
+def test_who_stands_on_a_free_road_teaches_nobody_to_stand(scenes: Scenes) -> None:
+    """A car that stays for a minute where others drive by, as one that is parked or broken down."""
+    scene = max(scenes.scenes, key=lambda one: one.steps)
+    way, steps = scenes.intersection.routes[0], 300
+    still = np.zeros(steps, np.float32)
+    place = np.full(steps, way.junction[1] - 3.0, np.float32)
+    parked = Track("99/0", "car", 0, 4.5, 1.8, 0, place, still, still, np.ones(steps, np.bool_))
+    alone = replace(scene, steps=steps, tracks=(parked,))
+    stands = replace(scenes, scenes=(alone,))
+    free = free_examples([stands], Predictor.load("idm_calibrated"), 60, np.random.default_rng(0))
+    assert all(float(one.speed[15:, 0].min()) > 2.0 for one in free)
