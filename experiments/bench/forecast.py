@@ -1,7 +1,8 @@
 """Times a forecast beside the ranking of all orders, in turns, from Python and from C++; a part of `make bench`.
 
 The traffic has some 2,000 feasible orders. A forecast finds the probabilities of them all, and predicts the 64 most
-probable ones with their trajectories; the ranking predicts them all, without.
+probable ones with their trajectories; the ranking predicts them all, without. Where there are more orders than a
+planner's cycle has time for, a ranking ends by itself: that is timed too.
 """
 
 from __future__ import annotations
@@ -21,7 +22,8 @@ import numpy as np
 
 from experiments.bench.predictor import ROUNDS, in_turns
 from experiments.bench.stopwatch import core_watch, spread
-from experiments.bench.timed_traffic import traffic_with_orders
+from experiments.bench.timed_traffic import crowd, traffic_with_orders
+from experiments.show.predictor_speed import cycle_text
 from intersection_env import Predictor, Traffic, forecast, rank_maneuvers
 from intersection_env.maps.intersection import MAPS
 from intersection_env.policies.named import DEFAULT, policy_path
@@ -45,6 +47,8 @@ def forecast_times(quick: bool = False) -> dict[str, Any]:
     results["cpp"] = cpp_times(scene, rounds, calls)
     for name in ("python", "cpp"):
         print(f"forecast of {MOST} of {orders} orders, {name}: {times_text(results[name])}")
+    results["cycle"] = cycle_times(crowd(), rounds)
+    print(cycle_text(results["cycle"]))
     return results
 
 
@@ -78,6 +82,19 @@ def python_times(scene: Traffic, rounds: int, calls: int) -> dict[str, Any]:
     found = in_turns({"forecast_ms": predicted, "ranking_ms": ranked}, rounds)
     row = summary(found["forecast_ms"], found["ranking_ms"], [predicted() for _ in range(calls)])
     return row | {"core_share": share()}
+
+
+def cycle_times(scene: Traffic, rounds: int) -> dict[str, Any]:
+    """`rank_maneuvers` of more orders than it predicts by default: what it takes, and how many those are."""
+    predictor = Predictor.load(DEFAULT)
+    orders = int(rank_maneuvers(predictor, scene).intervention.sum())
+
+    def ranked() -> float:
+        begin = time.perf_counter()
+        rank_maneuvers(predictor, scene)
+        return 1e3 * (time.perf_counter() - begin)
+
+    return {"vehicles": len(scene), "orders": orders, "ranking_ms": in_turns({"ranked": ranked}, rounds)["ranked"]}
 
 
 def summary(forecasts: dict[str, float], rankings: dict[str, float], calls: Sequence[float]) -> dict[str, Any]:

@@ -69,11 +69,16 @@ def random_traffics(generator: np.random.Generator | None = None) -> Iterator[Tr
         yield _random_traffic(generator)
 
 
-def _random_traffic(generator: np.random.Generator) -> Traffic:
-    """15 vehicles on Bendplatz, most within 60 m before their stop lines, none near another on its route."""
+def crowd(vehicles: int = 30) -> Traffic:
+    """So many vehicles, with more crossing orders than a planner's cycle has time for; always the same ones."""
+    return _random_traffic(np.random.default_rng(0), vehicles)
+
+
+def _random_traffic(generator: np.random.Generator, count: int = len(VEHICLES)) -> Traffic:
+    """So many vehicles on Bendplatz, most within 60 m before their stop lines, none near another on its route."""
     bendplatz = Intersection.load("bendplatz")
     vehicles: list[Vehicle] = []
-    while len(vehicles) < len(VEHICLES):
+    while len(vehicles) < count:
         route = bendplatz.routes[int(generator.integers(len(bendplatz.routes)))]
         position = route.stop_line + float(generator.uniform(-60.0, 10.0))
         tried = Vehicle(str(len(vehicles)), route.id, position, float(generator.uniform(0.0, 12.0)))

@@ -65,10 +65,18 @@ def forecast_sentences(found: Mapping[str, Any] | None) -> list[str]:
             else f"{call} {row['forecast_ms']['median']:.2f} ms, {row['to_ranking']:.3f} of what ranking them all takes"
             f" in turns, p99 {row['p99_to_median']:.2f} times the median"
         )
-    return wrap(
+    text = (
         f"The probabilities of {found['orders']:,} orders, and the trajectories of the {found['predicted']} most"
-        f" probable: {'; '.join(said)}.",
-        WIDTH,
+        f" probable: {'; '.join(said)}."
+    )
+    return wrap(f"{text} {cycle_text(found['cycle'])}." if "cycle" in found else text, WIDTH)
+
+
+def cycle_text(row: Mapping[str, Any]) -> str:
+    """What a ranking takes that ends by itself, in words."""
+    return (
+        f"`rank_maneuvers` of {row['vehicles']} vehicles with more orders than it predicts by default:"
+        f" {row['orders']} of them in {row['ranking_ms']['median']:.0f} ms"
     )
 
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import time
-
 import pytest
 
 from data.build import build
@@ -12,19 +10,10 @@ from intersection_env.maps.intersection import Intersection
 from intersection_env.scenes.scenes import Scenes
 from tests.support.paths import RECORDINGS
 
-SECONDS_PER_HOUR = 20.0  # of recording, on one core
-
 
 @pytest.fixture(scope="module")
-def built() -> tuple[Scenes, float]:
-    begin = time.process_time()
-    scenes = build(RECORDINGS, Intersection.load("bendplatz"), progress=False)
-    return scenes, time.process_time() - begin
-
-
-@pytest.fixture(scope="module")
-def scenes(built: tuple[Scenes, float]) -> Scenes:
-    return built[0]
+def scenes() -> Scenes:
+    return build(RECORDINGS, Intersection.load("bendplatz"), progress=False)
 
 
 @pytest.fixture(scope="module")
@@ -34,11 +23,6 @@ def figures(scenes: Scenes) -> Statistics:
 
 def recorded_seconds(scenes: Scenes) -> float:
     return float(sum(one["seconds"] for one in scenes.provenance["recordings"]))
-
-
-def test_hour_of_recording_takes_under_twenty_seconds(built: tuple[Scenes, float]) -> None:
-    scenes, seconds = built
-    assert seconds / (recorded_seconds(scenes) / 3600.0) < SECONDS_PER_HOUR
 
 
 def test_split_is_twelve_three_five(scenes: Scenes) -> None:
