@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 import warnings
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import InitVar, dataclass, field
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -57,6 +57,7 @@ class Traffic:
             gone on from there; 0: not yet. Without, nobody has.
         patience: (vehicle,) float32, the logit that a gap network's must exceed before each driver accepts a gap: 0 for
             the median driver. None: what the predictor has them keep. `Predictor.patience_of` gives it.
+        doubting: whether to warn of speeds that can hardly be in m/s.
 
     Bodies may overlap, as perception gives them at times (a bicycle beside a car, 10 cm into a lead): `overlaps` names
     the pairs. Who overlaps somebody is predicted like everybody else, and drives behind whoever's centre is ahead; the
@@ -80,13 +81,14 @@ class Traffic:
     hold: NDArray[np.int16] | None = None
     waited: NDArray[np.int32] | None = None
     patience: NDArray[np.float32] | None = None
+    doubting: InitVar[bool] = True
     core: _core.Traffic = field(init=False, repr=False, compare=False)
     conflicts: NDArray[np.int32] = field(init=False, repr=False, compare=False)
     """(pair, 2): indices of every pair still open, the one that yields by rule first."""
     overlaps: tuple[tuple[str, str], ...] = field(init=False, repr=False, compare=False)
     """Pairs of ids of vehicles whose bodies overlap."""
 
-    def __post_init__(self) -> None:
+    def __post_init__(self, doubting: bool) -> None:
         if self.max_speed is None:
             object.__setattr__(self, "max_speed", np.full(len(self.ids), np.inf, np.float32))
         if not isinstance(self.intersection, Intersection):
@@ -103,7 +105,7 @@ class Traffic:
         object.__setattr__(self, "core", core)
         object.__setattr__(self, "conflicts", _core.conflicts(core_map, core))
         object.__setattr__(self, "overlaps", overlaps)
-        for vehicle in _core.doubted_speeds(core_map, core):
+        for vehicle in _core.doubted_speeds(core_map, core) if doubting else ():
             speed = float(self.speed[vehicle])
             warnings.warn(
                 f"vehicle {self.ids[vehicle]}: a speed of {speed:g} m/s is {3.6 * speed:.0f} km/h, more than twice"

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -42,9 +41,8 @@ def drawn(traffic: Traffic, noise: Noise, generator: np.random.Generator) -> Tra
     length = np.array([traffic.intersection.routes[route].length for route in traffic.route.tolist()])
     position = np.clip(traffic.position + noise.position * generator.normal(size=len(traffic)), 0.0, length)
     speed = np.maximum(traffic.speed + noise.speed * generator.normal(size=len(traffic)), 0.0)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", UserWarning)  # of speeds: they were doubted where they were given
-        other = replace(traffic, position=position.astype(np.float32), speed=speed.astype(np.float32))
+    erring = position.astype(np.float32), speed.astype(np.float32)
+    other = replace(traffic, position=erring[0], speed=erring[1], doubting=False)  # doubted where it was given
     if set(other.overlaps) - set(traffic.overlaps):
         raise ValueError("vehicles {} and {} overlap".format(*other.overlaps[0]))
     return other

@@ -1,6 +1,7 @@
 // NumPy arrays: taken without conversion, made for the core to fill, or views of what it keeps.
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <stdexcept>
 #include <string>
@@ -33,6 +34,14 @@ nb::ndarray<nb::numpy, T> make(const Shape& shape) {
     T* data = new T[size]();
     const nb::capsule owner(data, [](void* p) noexcept { delete[] static_cast<T*>(p); });
     return nb::ndarray<nb::numpy, T>(data, shape.size(), shape.data(), owner);
+}
+
+// The same, of values that the core has given.
+template <class T>
+nb::ndarray<nb::numpy, T> copied(const std::vector<T>& values, const Shape& shape) {
+    auto array = make<T>(shape);
+    std::ranges::copy(values, array.data());
+    return array;
 }
 
 template <class T>

@@ -6,7 +6,9 @@
 namespace intersection_env::python {
 
 void bind_model(nanobind::module_& m);      // maps and traffic
-void bind_prediction(nanobind::module_& m); // crossing orders, policies, the predictor
+void bind_orders(nanobind::module_& m);     // crossing orders
+void bind_prediction(nanobind::module_& m); // policies, the predictor
+void bind_rankings(nanobind::module_& m);   // maneuvers, probabilities of orders
 void bind_worlds(nanobind::module_& m);     // closed loop and replay
 
 } // namespace intersection_env::python

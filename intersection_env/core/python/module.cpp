@@ -82,6 +82,8 @@ NB_MODULE(_core, m) {
     m.def("kernel_name", [] { return kernel().name; }, "The kernel in use.");
 
     python::bind_model(m);
+    python::bind_orders(m);
     python::bind_prediction(m);
+    python::bind_rankings(m);
     python::bind_worlds(m);
 }
