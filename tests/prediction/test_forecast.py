@@ -70,7 +70,7 @@ def test_what_is_given_is_a_condition_on_all_others(predictor: Predictor) -> Non
         assert all(g in (0, way) for order in found for g, way in zip(given, order, strict=True))
         total = sum(holds.values())
         assert found == {o: pytest.approx(holds.get(o, 0.0) / total, rel=1e-6, abs=1e-9) for o in found}
-        assert found.keys() >= holds.keys()
+        assert found.keys() >= {o for o, p in holds.items() if p > 1e-12 * total}  # the mass is whole before the others
         assert given.any()
 
 
