@@ -15,6 +15,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -72,11 +73,7 @@ def python_times(scene: Traffic, rounds: int, calls: int) -> dict[str, Any]:
         assert len(forecast(predictor, scene, mass=1.0).orders) == MOST
         return 1e3 * (time.perf_counter() - begin)
 
-    def ranked() -> float:
-        begin = time.perf_counter()
-        rank_maneuvers(predictor, scene)
-        return 1e3 * (time.perf_counter() - begin)
-
+    ranked = partial(_ranking_ms, predictor, scene)
     predicted(), ranked()  # loads pandas
     share = core_watch()
     found = in_turns({"forecast_ms": predicted, "ranking_ms": ranked}, rounds)
@@ -88,13 +85,15 @@ def cycle_times(scene: Traffic, rounds: int) -> dict[str, Any]:
     """`rank_maneuvers` of more orders than it predicts by default: what it takes, and how many those are."""
     predictor = Predictor.load(DEFAULT)
     orders = int(rank_maneuvers(predictor, scene).intervention.sum())
-
-    def ranked() -> float:
-        begin = time.perf_counter()
-        rank_maneuvers(predictor, scene)
-        return 1e3 * (time.perf_counter() - begin)
-
+    ranked = partial(_ranking_ms, predictor, scene)
     return {"vehicles": len(scene), "orders": orders, "ranking_ms": in_turns({"ranked": ranked}, rounds)["ranked"]}
+
+
+def _ranking_ms(predictor: Predictor, scene: Traffic) -> float:
+    """What one ranking takes [ms]."""
+    begin = time.perf_counter()
+    rank_maneuvers(predictor, scene)
+    return 1e3 * (time.perf_counter() - begin)
 
 
 def summary(forecasts: dict[str, float], rankings: dict[str, float], calls: Sequence[float]) -> dict[str, Any]:
