@@ -59,8 +59,6 @@ std::tuple<Arrays, std::size_t> rank(const Predictor& predictor, const Traffic& 
         ranking = rank_maneuvers(predictor, traffic, {cooperative.data(), cooperative.size()}, {limit, seconds}, by,
                                  kernel());
     }
-    auto priorities = make<std::int8_t>({ranking.maneuvers.size(), ranking.pairs.size()});
-    std::copy(ranking.priorities.begin(), ranking.priorities.end(), priorities.data());
     Arrays columns;
     columns["total_time_loss"] = column<double>(ranking, &Maneuver::total_time_loss);
     columns["worst_time_loss"] = column<double>(ranking, &Maneuver::worst_time_loss);
@@ -72,7 +70,7 @@ std::tuple<Arrays, std::size_t> rank(const Predictor& predictor, const Traffic& 
     columns["followed"] = column<bool>(ranking, &Maneuver::followed);
     columns["safe"] = column<bool>(ranking, &Maneuver::safe);
     columns["intervention"] = column<bool>(ranking, &Maneuver::intervention);
-    columns["priorities"] = priorities;
+    columns["priorities"] = copied(ranking.priorities, {ranking.maneuvers.size(), ranking.pairs.size()});
     return {columns, ranking.left_out};
 }
 
@@ -111,9 +109,7 @@ Directions order_of(const Map& map, const Traffic& traffic,
     }
     const std::vector<Pair> pairs = find_conflicts(map, traffic);
     const std::vector<std::int8_t> order = crossing_order(map, traffic, pairs, position.data(), position.shape(0));
-    auto array = make<std::int8_t>({position.shape(0), pairs.size()});
-    std::copy(order.begin(), order.end(), array.data());
-    return array;
+    return copied(order, {position.shape(0), pairs.size()});
 }
 
 std::vector<std::string> words_of(const Map& map, const Traffic& traffic, const std::vector<std::string>& names,
@@ -159,9 +155,7 @@ void bind_orders(nb::module_& m) {
             }
             const std::vector<std::int8_t> carried = carry_priorities(
                 map, pairs, {priorities.data(), priorities.size()}, {vehicles.data(), vehicles.size()}, after);
-            auto array = make<std::int8_t>({carried.size()});
-            std::copy(carried.begin(), carried.end(), array.data());
-            return array;
+            return copied(carried, {carried.size()});
         },
         "map"_a, "before"_a, "priorities"_a.noconvert(), "vehicles"_a.noconvert(), "after"_a,
         "(pair after,): the priorities (pair before,) of the pairs still open; vehicles: (vehicle after,) indices "

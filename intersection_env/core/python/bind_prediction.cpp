@@ -98,9 +98,7 @@ std::tuple<Floats, Floats> summarize(const Predictor& predictor, const Traffic& 
 
 Floats patience_at(const Predictor& predictor, const Traffic& traffic, const Vector<double>& levels) {
     const std::vector<float> found = predictor.patience(traffic, {levels.data(), levels.size()}, kernel());
-    auto array = make<float>({found.size()});
-    std::ranges::copy(found, array.data());
-    return array;
+    return copied(found, {found.size()});
 }
 
 std::tuple<Floats, Floats, Flags> observe(const Predictor& predictor, const Traffic& traffic) {
