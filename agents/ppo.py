@@ -61,7 +61,7 @@ class PpoSettings:
     steps: int = 128
     """Of each world in an epoch."""
     epochs: int = 300
-    learning_rate: float = 1e-3
+    learning_rate: float = 1e-2
     last_learning_rate: float = 1e-4
     """Fallen to linearly."""
     sigma: float = 0.3
@@ -72,7 +72,7 @@ class PpoSettings:
     """Rewards below it count as this."""
     reward_scale: float = 0.05
     """Rewards are multiplied by it."""
-    update: UpdateSettings = field(default_factory=lambda: UpdateSettings(minibatches=12))
+    update: UpdateSettings = field(default_factory=lambda: UpdateSettings(passes=1, minibatches=32))
     seed: int = 0
     threads: int = 0
     """That step the worlds, 0: one a core; they do not change what comes out."""
@@ -100,6 +100,7 @@ PROFILES = {
             last_learning_rate=2e-5,
             last_sigma=0.3,
             least_reward=-6000.0,
+            update=UpdateSettings(minibatches=12),
         ),
     ),
 }
