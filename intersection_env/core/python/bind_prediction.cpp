@@ -189,8 +189,7 @@ void bind_prediction(nb::module_& m) {
         .def("summarize", &summarize, "traffic"_a, "assignments"_a.noconvert(), "safety"_a, "isa"_a = nb::none(),
              "apart"_a = false,
              "time_loss, minimum_distance: as of predict, without trajectories. apart: each scenario by itself, "
-             "whatever "
-             "it has in common with others.")
+             "whatever it has in common with others.")
         .def("keeps_patience", &Predictor::keeps_patience, "traffic"_a,
              "Whether drivers keep anything in a prediction of this traffic.")
         .def("patience", &patience_at, "traffic"_a, "levels"_a.noconvert(),
