@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -14,6 +16,8 @@ from tests.support.core_and_twin import core_predictor, weights
 from tests.support.random_traffic import random_traffic
 from tests.support.twins import CASES, as_traffic, random_assignment, random_networks, rounded, twin_map
 
+LANES = {"baseline": 4, "v3": 8, "v4": 16}
+PREDICTED = 8  # arrays: positions, speeds, accelerations, who enters and is present, time losses, distances, holds
 DECIDES_AND_DRIVES = [("network", "network"), ("critical_gap", "idm"), ("sumo", "network")]
 
 
@@ -36,20 +40,46 @@ def assignments(traffic: Traffic, generator: np.random.Generator) -> NDArray[np.
     return np.ascontiguousarray(rows[generator.permutation(len(rows))])
 
 
+def in_blocks(predictor: _core.Predictor, traffic: Traffic, rows: NDArray[np.int8], isa: str) -> list[NDArray[Any]]:
+    """What `predict` returns, of no more scenarios at a time than there are lanes, so that none begins with another."""
+    parts = [
+        predictor.predict(traffic.core, rows[first : first + LANES[isa]], True, True, None, isa)[:PREDICTED]
+        for first in range(0, len(rows), LANES[isa])
+    ]
+    return [np.concatenate(arrays) for arrays in zip(*parts, strict=True)]
+
+
 @pytest.mark.parametrize("seed", range(8 * CASES))
 @pytest.mark.parametrize(("decides", "drives"), DECIDES_AND_DRIVES)
 @pytest.mark.parametrize("name", MAP_NAMES)
-def test_losses_and_distances_are_those_of_each_alone(name: str, decides: str, drives: str, seed: int) -> None:
+def test_scenarios_together_are_each_as_if_alone(name: str, decides: str, drives: str, seed: int) -> None:
     traffic, policy = case(name, seed, decides, drives)
     predictor = core_predictor(traffic, policy)
     rows = assignments(traffic, np.random.default_rng(seed))
     for isa in _core.available_kernels():
-        *_, loss, distance, _, _, _, _ = predictor.predict(traffic.core, rows, True, True, None, isa)
-        *_, shared_loss, shared_distance, _, _, _, _ = predictor.predict(traffic.core, rows, False, True, None, isa)
-        assert shared_loss.tobytes() == loss.tobytes(), isa
-        assert shared_distance.tobytes() == distance.tobytes(), isa
-        alone = np.concatenate([predictor.predict(traffic.core, row[None], False, False, None, isa)[5] for row in rows])
-        np.testing.assert_allclose(shared_loss, alone, atol=2e-5, err_msg=isa)
+        wanted = in_blocks(predictor, traffic, rows, isa)
+        together: tuple[Any, ...] = predictor.predict(traffic.core, rows, True, True, None, isa)[:PREDICTED]
+        for number, (one, other) in enumerate(zip(together, wanted, strict=True)):
+            assert one.tobytes() == other.tobytes(), f"{isa}, array {number}"
+        loss, distance = predictor.summarize(traffic.core, rows, True, isa)
+        apart_loss, apart_distance = predictor.summarize(traffic.core, rows, True, isa, apart=True)
+        assert loss.tobytes() == apart_loss.tobytes() == wanted[5].tobytes()
+        assert distance.tobytes() == apart_distance.tobytes() == wanted[6].tobytes()
+
+
+@pytest.mark.parametrize("name", ["bendplatz", "all_way_stop"])
+def test_how_long_each_has_waited_is_as_if_alone_too(name: str) -> None:
+    traffic, policy = case(name, 0, "critical_gap", "idm")
+    predictor, rows = core_predictor(traffic, policy), assignments(traffic, np.random.default_rng(0))
+
+    def waited(some: NDArray[np.int8]) -> NDArray[np.int32]:
+        found = predictor.predict(traffic.core, some, True, True)[9]
+        assert found is not None
+        return found
+
+    together = waited(rows)
+    assert together.any()
+    assert together.tobytes() == b"".join(waited(row[None]).tobytes() for row in rows)
 
 
 @pytest.mark.parametrize("seed", [344, *range(5 * CASES)])
@@ -69,10 +99,10 @@ def test_who_is_told_to_wait_counts_for_those_behind(seed: int) -> None:
         partly = np.where(generator.random(len(order)) < 0.3, 0, order)
         rows += [np.where(generator.random(len(order)) < 0.15, 0, partly) for _ in range(12)]
     predictor = core_predictor(traffic, PolicyFile("critical_gap", "idm"))
-    *_, loss, distance, _, _, _, _ = predictor.predict(traffic.core, np.array(rows, np.int8), True, True)
-    shared_loss, shared_distance = predictor.summarize(traffic.core, np.array(rows, np.int8), True)
-    assert shared_loss.tobytes() == loss.tobytes()
-    assert shared_distance.tobytes() == distance.tobytes()
+    loss, distance = predictor.summarize(traffic.core, np.array(rows, np.int8), True)
+    apart_loss, apart_distance = predictor.summarize(traffic.core, np.array(rows, np.int8), True, apart=True)
+    assert loss.tobytes() == apart_loss.tobytes()
+    assert distance.tobytes() == apart_distance.tobytes()
 
 
 @pytest.mark.parametrize("patience", ["none", "kept"])
@@ -82,14 +112,14 @@ def test_more_scenarios_than_go_on_together_come_out_the_same(patience: str) -> 
     every = np.concatenate(list(crossing_orders(busy())))
     rows = every[generator.integers(len(every), size=5_000)]
     rows[generator.random(len(rows)) < 0.1] = 0
-    predictor = Predictor.load(patience=patience)  # type: ignore[arg-type]
-    wanted = predictor.predict(busy(), rows)
+    bound = Predictor.load(patience=patience).bound_to(busy().intersection)  # type: ignore[arg-type]
+    loss, distance = bound.summarize(busy().core, rows, True, apart=True)
     for threads in (1, 2, 3):
-        found = Predictor.load(threads=threads, patience=patience).predict(  # type: ignore[arg-type]
-            busy(), rows, trajectories=False
-        )
-        assert found.time_loss.tobytes() == wanted.time_loss.tobytes()
-        assert found.minimum_distance.tobytes() == wanted.minimum_distance.tobytes()
+        several = Predictor.load(threads=threads, patience=patience)  # type: ignore[arg-type]
+        for trajectories in (False, True):
+            found = several.predict(busy(), rows, trajectories=trajectories)
+            assert found.time_loss.tobytes() == loss.tobytes()
+            assert found.minimum_distance.tobytes() == distance.tobytes()
 
 
 def test_traffic_without_pairs_or_vehicles_is_predicted_too() -> None:

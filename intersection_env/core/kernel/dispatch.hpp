@@ -20,7 +20,7 @@ struct Kernel {
     void (*destroy_scenario_block)(Workspace*);
     void (*predict_scenario_block)(const Problem&, const ScenarioArguments&, Workspace&);
     void (*observe)(const Problem&, const ObservationArguments&, Workspace&);
-    // Any number of scenarios, without trajectories or decisions to replay: what they have in common is predicted once.
+    // Any number of scenarios, without decisions to replay: what they have in common is predicted once.
     Workspace* (*create_branches)();
     void (*destroy_branches)(Workspace*);
     void (*predict_branching)(const Problem&, const ScenarioArguments&, const BranchMemory&, Workspace&);

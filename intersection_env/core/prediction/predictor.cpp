@@ -37,8 +37,7 @@ struct Batch {
 
     // Of how many scenarios the parts are that are predicted at a time: a block, or as many as may branch.
     int part_size(int lanes, int threads) const {
-        const bool may_branch = results.trajectories.position == nullptr && decisions.empty() && !results.apart;
-        if (!may_branch || scenarios <= lanes) {
+        if (results.apart || !decisions.empty() || scenarios <= lanes) {
             return lanes;
         }
         const int wanted = std::max(threads == 1 ? 1 : PARTS_A_THREAD * threads, (scenarios - 1) / MOST_BRANCHING + 1);
