@@ -111,6 +111,13 @@ struct Predictor::Workspaces {
         kernel = nullptr;
     }
 
+    // So that all of a crew have what parts of this size take, whichever of them is given one.
+    void reserve(const Problem& problem, int part) {
+        if (part > kernel->lanes) {
+            memory(problem, part);
+        }
+    }
+
     // `count` scenarios of the batch, from `first` on: those that fill more than one block as branches, those of one
     // block together, or one after the other where they are few.
     void predict(const Batch& batch, int first, int count) {
@@ -154,6 +161,7 @@ struct Predictor::Crew {
         }
         for (Workspaces& one : workspaces) {
             one.serve(kernel);
+            one.reserve(batch.problem, part);
         }
         const auto work = [&](int number, int thread) {
             workspaces[at(thread)].predict(batch, number * part, std::min(part, batch.scenarios - number * part));
