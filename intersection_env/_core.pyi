@@ -257,8 +257,10 @@ class Predictor:
         position, speed, acceleration, enters, present, time_loss, minimum_distance, hold, completed assignments, waited, patience.
         """
 
-    def summarize(self, traffic: Traffic, assignments: Annotated[NDArray[numpy.int8], dict(shape=(None, None), order='C', device='cpu', writable=False)], safety: bool, isa: str | None = None) -> tuple[NDArray[numpy.float32], NDArray[numpy.float32]]:
-        """time_loss, minimum_distance: as of predict, without trajectories."""
+    def summarize(self, traffic: Traffic, assignments: Annotated[NDArray[numpy.int8], dict(shape=(None, None), order='C', device='cpu', writable=False)], safety: bool, isa: str | None = None, apart: bool = False) -> tuple[NDArray[numpy.float32], NDArray[numpy.float32]]:
+        """
+        time_loss, minimum_distance: as of predict, without trajectories. apart: each scenario by itself, whatever it has in common with others.
+        """
 
     def keeps_patience(self, traffic: Traffic) -> bool:
         """Whether drivers keep anything in a prediction of this traffic."""

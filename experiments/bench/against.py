@@ -52,6 +52,8 @@ def rows() -> list[str]:
         for driver in DRIVERS:
             for n in (1, 64, 1024):
                 found += [f"predict, driver {driver}, n {n}, isa {isa}{end}" for end in ("", ", distances yes")]
+        for n in (64, 1024):
+            found.append(f"predict, driver assigned, n {n}, isa {isa}, distances yes, together yes")
         found.append(f"closed loop, worlds 1024, isa {isa}")
         for worlds in (64, 1024):
             found += [f"replay, worlds {worlds}, isa {isa}", f"replay, worlds {worlds}, isa {isa}, gap recording"]

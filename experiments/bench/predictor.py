@@ -31,6 +31,8 @@ LATENCY_CALLS = 100_000
 ORDERS = (100, 2000)
 FLIPPED = 2000  # traffics
 DISTANCES = ", with distances"
+TOGETHER = "assigned, together"
+TOLD = "assigned", TOGETHER
 
 
 def predictor_times(quick: bool = False) -> dict[str, Any]:
@@ -83,20 +85,20 @@ def _arithmetic(what: str, isa: str) -> Callable[[], float]:
 
 def _rows() -> list[tuple[str, int]]:
     """What is timed for each instruction set: which driver, with smallest distances or not, how many scenarios."""
-    names = [driver + beside for driver in ("networks", "idm", "assigned") for beside in ("", DISTANCES)]
+    names = [driver + beside for driver in ("networks", "idm", "assigned", TOGETHER) for beside in ("", DISTANCES)]
     return [(name, n) for name in names for n in (1, *BATCHES)]
 
 
 def _case(scene: Traffic, isa: str, row: str, scenarios: int, threads: int = 1) -> Callable[[], float]:
-    """Microseconds a scenario, summaries only."""
+    """Microseconds a scenario, summaries only; each by itself, but for crossing orders together."""
     driver = row.removesuffix(DISTANCES)
     policy = rules() if driver == "idm" else both_networks()
     predictor = _core.Predictor(scene.intersection.core, _core.Policy(policy.text(), driver), threads)
     assignments = np.zeros((scenarios, len(scene.conflicts)), np.int8)
-    if driver == "assigned":
+    if driver in TOLD:
         assignments = _orders(scene, scenarios)
-    safety = row.endswith(DISTANCES)
-    return lambda: _microseconds(lambda: predictor.summarize(scene.core, assignments, safety, isa), scenarios)
+    safety, apart = row.endswith(DISTANCES), driver != TOGETHER
+    return lambda: _microseconds(lambda: predictor.summarize(scene.core, assignments, safety, isa, apart), scenarios)
 
 
 def _orders(scene: Traffic, scenarios: int) -> NDArray[np.int8]:
@@ -238,4 +240,4 @@ def _print(results: dict[str, Any]) -> None:
         rows = {row: {"1": one} | results["batch_us"][isa][row] for row, one in results["single_us"][isa].items()}
         for row, times in (rows | results["assigned_us"][isa]).items():
             cells = "".join(f"{times[n]['median']:10.1f} ({times[n]['best']:6.1f})" for n in times)
-            print(f"{row:26}{cells}")
+            print(f"{row:36}{cells}")

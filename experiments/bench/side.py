@@ -72,8 +72,10 @@ def answer(given: Given, row: str) -> Callable[[], Any]:
     return known[what](given, **settings)
 
 
-def _predict(given: Given, driver: str, n: str, isa: str, distances: str = "no") -> Callable[[], Any]:
-    """A scenario of a batch, summaries only."""
+def _predict(
+    given: Given, driver: str, n: str, isa: str, distances: str = "no", together: str = "no"
+) -> Callable[[], Any]:
+    """A scenario of a batch, summaries only: each by itself; or together, where a revision knows how to."""
     scene, count = _traffic(given["vehicles"]), int(n)
     if driver not in DRIVERS:
         raise ValueError(f'no driver "{driver}"; wanted {", ".join(DRIVERS)}')
@@ -85,7 +87,9 @@ def _predict(given: Given, driver: str, n: str, isa: str, distances: str = "no")
         assignments = _core.Orders(scene.intersection.core, scene.core, cooperative, first).next(count)
         assert len(assignments) == count
     if hasattr(predictor, "summarize"):
-        return _seconds(lambda: predictor.summarize(scene.core, assignments, distances == "yes", isa), count)
+        knows_how = "apart" in (predictor.summarize.__doc__ or "")
+        how = {"apart": True} if knows_how and together == "no" else {}
+        return _seconds(lambda: predictor.summarize(scene.core, assignments, distances == "yes", isa, **how), count)
     return _seconds(lambda: predictor.predict(scene.core, assignments, False, distances == "yes", None, isa), count)
 
 

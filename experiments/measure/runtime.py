@@ -108,11 +108,12 @@ def _one(predictor: Predictor) -> Case:
 
 
 def _batch(predictor: Predictor) -> Case:
-    """A batch that leaves all to the gap decision, which takes longest; its scenarios are alike."""
+    """A batch that leaves all to the gap decision, which takes longest; its scenarios are alike, each by itself."""
 
     def case(traffic: Traffic) -> Callable[[], object]:
         assignments = np.zeros((BATCH, len(traffic.conflicts)), np.int8)
-        return lambda: predictor.predict(traffic, assignments, trajectories=False)
+        bound = predictor.bound_to(traffic.intersection)
+        return lambda: bound.summarize(traffic.core, assignments, True, apart=True)
 
     return case
 

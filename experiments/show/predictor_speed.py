@@ -17,11 +17,18 @@ SPEED_ROWS = (
     ("1024, with smallest distances", "batch_us", "networks, with distances", "1024"),
     ("all priorities assigned, 64", "assigned_us", "assigned", "64"),
     ("all priorities assigned, 1024", "assigned_us", "assigned", "1024"),
+    ("crossing orders together, 64", "assigned_us", "assigned, together", "64"),
+    ("crossing orders together, 1024", "assigned_us", "assigned, together", "1024"),
+    ("the same, with smallest distances", "assigned_us", "assigned, together, with distances", "1024"),
     ("rules and IDM instead of networks, 1", "single_us", "idm", None),
     ("rules and IDM instead of networks, 1024", "batch_us", "idm", "1024"),
 )
 """Name (`cores`: the machine's); in the results file: which times, which driver, how many scenarios."""
-CYCLE_ROWS = {"maneuvers in 200 ms": "networks", "the same, all priorities assigned": "assigned"}
+CYCLE_ROWS = {
+    "maneuvers in 200 ms": "networks",
+    "the same, all priorities assigned": "assigned",
+    "the same, crossing orders together": "assigned, together",
+}
 
 
 def speed_section(bench: Mapping[str, Any]) -> str:

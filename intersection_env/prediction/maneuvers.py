@@ -80,7 +80,7 @@ def rank_maneuvers(
             among most pairs, or, by expectation, with the most probable one; None: all, however many. "cycle": as many
             as a planner's cycle has time for, some 50 ms on one core: 600,000 over the squared number of vehicles, at
             most 10,000. How many were left out stands in `attrs["left_out"]` (those never found counted up to 20,000).
-        seconds: begin no further batch of 64 orders after so long; what comes out then depends on the machine, and
+        seconds: begin no further batch of 256 orders after so long; what comes out then depends on the machine, and
             those left out that were never found are counted up to 1,024.
         by: None: expectation where the policy holds an order network, as those that ship do, else prediction.
 

@@ -27,7 +27,7 @@ def crowd(vehicles: int = 30, seed: int = 0) -> Traffic:
 def test_by_default_a_ranking_predicts_what_a_cycle_has_time_for(by: str) -> None:
     predictor, traffic = Predictor.load(), crowd()
     table = rank_maneuvers(predictor, traffic, by=by)  # type: ignore[arg-type]
-    assert table.intervention.sum() == _core.orders_in_a_cycle(30) == 666
+    assert table.intervention.sum() == _core.orders_in_a_cycle(30) == 2666
     assert table.attrs["left_out"] == 20_000, "counted so far"
     whole = rank_maneuvers(predictor, busy())
     assert whole.attrs["left_out"] == 0
@@ -36,15 +36,15 @@ def test_by_default_a_ranking_predicts_what_a_cycle_has_time_for(by: str) -> Non
 def test_a_cycle_has_time_for_fewer_orders_of_more_vehicles() -> None:
     counts = [_core.orders_in_a_cycle(vehicles) for vehicles in range(65)]
     assert counts == sorted(counts, reverse=True)
-    assert counts[0] == counts[7] == 10_000
-    assert counts[64] > 100
+    assert counts[0] == counts[15] == 10_000
+    assert counts[64] > 500
 
 
 @pytest.mark.parametrize("by", ["expectation", "prediction"])
 def test_a_ranking_ends_in_time_and_says_what_it_left_out(by: str) -> None:
     predictor, traffic = Predictor.load(), crowd()
     table = rank_maneuvers(predictor, traffic, limit=None, seconds=1e-6, by=by)  # type: ignore[arg-type]
-    assert 64 <= table.intervention.sum() <= 1024, "a batch at least"
+    assert 256 <= table.intervention.sum() <= 1024, "a batch at least"
     assert table.attrs["left_out"] >= 1024
     unhurried = rank_maneuvers(predictor, busy(), seconds=1e3, by=by)  # type: ignore[arg-type]
     pd.testing.assert_frame_equal(unhurried, rank_maneuvers(predictor, busy(), by=by))  # type: ignore[arg-type]

@@ -20,6 +20,10 @@ struct Kernel {
     void (*destroy_scenario_block)(Workspace*);
     void (*predict_scenario_block)(const Problem&, const ScenarioArguments&, Workspace&);
     void (*observe)(const Problem&, const ObservationArguments&, Workspace&);
+    // Any number of scenarios, without decisions to replay: what they have in common is predicted once.
+    Workspace* (*create_branches)();
+    void (*destroy_branches)(Workspace*);
+    void (*predict_branching)(const Problem&, const ScenarioArguments&, const BranchMemory&, Workspace&);
     // One scenario, lanes over its vehicles: what a rest of fewer than worth_a_block scenarios is predicted with.
     int worth_a_block;
     Workspace* (*create_one_scenario)();

@@ -12,6 +12,10 @@ void destroy_scenario_block(Workspace*);
 void predict_scenario_block(const Problem&, const ScenarioArguments&, Workspace&);
 void observe(const Problem&, const ObservationArguments&, Workspace&);
 
+Workspace* create_branches();
+void destroy_branches(Workspace*);
+void predict_branching(const Problem&, const ScenarioArguments&, const BranchMemory&, Workspace&);
+
 Workspace* create_one_scenario();
 void destroy_one_scenario(Workspace*);
 void predict_one_scenario(const Problem&, const ScenarioArguments&, Workspace&);

@@ -15,6 +15,9 @@
 namespace intersection_env {
 namespace {
 
+constexpr int MOST_BRANCHING = 2048; // scenarios at a time, ours: their states stay small
+constexpr int PARTS_A_THREAD = 2;    // ours: no thread waits long for another, and a part has much in common
+
 std::size_t at(int index) { return static_cast<std::size_t>(index); }
 
 void check_count(std::size_t pairs) {
@@ -31,6 +34,17 @@ struct Batch {
     std::span<const std::uint8_t> decisions;
     const Results& results;
     int scenarios;
+
+    // Of how many scenarios the parts are that are predicted at a time: a block, or as many as may branch.
+    int part_size(int lanes, int threads) const {
+        if (results.apart || !decisions.empty() || scenarios <= lanes) {
+            return lanes;
+        }
+        const int wanted = std::max(threads == 1 ? 1 : PARTS_A_THREAD * threads, (scenarios - 1) / MOST_BRANCHING + 1);
+        return std::max(lanes, (scenarios - 1) / wanted + 1);
+    }
+
+    int parts(int size) const { return (scenarios + size - 1) / size; }
 
     // `count` scenarios from `first` on.
     ScenarioArguments part(int first, int count) const {
@@ -50,9 +64,28 @@ struct Batch {
 
 } // namespace
 
+// An array that grows, and whose values are left as they come.
+template <class Value>
+struct Scratch {
+    std::unique_ptr<Value[]> values;
+    std::size_t size = 0;
+
+    Value* of(std::size_t wanted) {
+        if (wanted > size) {
+            values = std::make_unique_for_overwrite<Value[]>(wanted);
+            size = wanted;
+        }
+        return values.get();
+    }
+};
+
 struct Predictor::Workspaces {
     const Kernel* kernel = nullptr; // whose these are
-    Workspace *block = nullptr, *one = nullptr;
+    Workspace *block = nullptr, *branches = nullptr, *one = nullptr;
+    Scratch<std::int32_t> scenarios;
+    Scratch<BranchDecision> decisions;
+    Scratch<Branch> pile;
+    Scratch<std::uint32_t> states;
 
     Workspaces() = default;
     Workspaces(const Workspaces&) = delete;
@@ -63,6 +96,7 @@ struct Predictor::Workspaces {
         if (kernel != &wanted) {
             release();
             block = wanted.create_scenario_block();
+            branches = wanted.create_branches();
             one = wanted.create_one_scenario();
             kernel = &wanted;
         }
@@ -71,22 +105,37 @@ struct Predictor::Workspaces {
     void release() {
         if (kernel != nullptr) {
             kernel->destroy_scenario_block(block);
+            kernel->destroy_branches(branches);
             kernel->destroy_one_scenario(one);
         }
         kernel = nullptr;
     }
 
-    // One block of the batch: its scenarios together, or one after the other where they are few.
-    void predict(const Batch& batch, int block_index) {
-        const int first = block_index * kernel->lanes;
-        const int count = std::min(kernel->lanes, batch.scenarios - first);
-        if (count >= kernel->worth_a_block) {
+    // So that all of a crew have what parts of this size take, whichever of them is given one.
+    void reserve(const Problem& problem, int part) {
+        if (part > kernel->lanes) {
+            memory(problem, part);
+        }
+    }
+
+    // `count` scenarios of the batch, from `first` on: those that fill more than one block as branches, those of one
+    // block together, or one after the other where they are few.
+    void predict(const Batch& batch, int first, int count) {
+        if (count > kernel->lanes) {
+            kernel->predict_branching(batch.problem, batch.part(first, count), memory(batch.problem, count), *branches);
+        } else if (count >= kernel->worth_a_block) {
             kernel->predict_scenario_block(batch.problem, batch.part(first, count), *block);
-            return;
+        } else {
+            for (int s = first; s < first + count; ++s) {
+                kernel->predict_one_scenario(batch.problem, batch.part(s, 1), *one);
+            }
         }
-        for (int s = first; s < first + count; ++s) {
-            kernel->predict_one_scenario(batch.problem, batch.part(s, 1), *one);
-        }
+    }
+
+    BranchMemory memory(const Problem& problem, int count) {
+        const int words = problem.vehicle_count * WORDS_OF_A_VEHICLE + problem.pair_count + WORDS_OF_A_BRANCH;
+        return {scenarios.of(at(count)), decisions.of(at(count)), pile.of(at(count)), states.of(at(count) * at(words)),
+                words};
     }
 };
 
@@ -105,16 +154,19 @@ struct Predictor::Crew {
     std::atomic_flag busy;
 
     // False where they help another caller at this moment.
-    bool predict(const Batch& batch, int blocks, const Kernel& kernel) {
+    bool predict(const Batch& batch, int part, const Kernel& kernel) {
         const Attempt attempt(busy);
         if (!attempt.succeeded()) {
             return false;
         }
         for (Workspaces& one : workspaces) {
             one.serve(kernel);
+            one.reserve(batch.problem, part);
         }
-        const auto work = [&](int block, int thread) { workspaces[at(thread)].predict(batch, block); };
-        threads.share(blocks, std::ref(work)); // a copy would be allocated
+        const auto work = [&](int number, int thread) {
+            workspaces[at(thread)].predict(batch, number * part, std::min(part, batch.scenarios - number * part));
+        };
+        threads.share(batch.parts(part), std::ref(work)); // a copy would be allocated
         return true;
     }
 };
@@ -198,11 +250,11 @@ void Predictor::predict(const Traffic& traffic, std::span<std::int8_t> assignmen
     bind(traffic, pairs, results.minimum_distance != nullptr, kernel, own.bound);
     const Problem shared = problem(own.bound);
     const Batch batch{shared, assignments, decisions, results, scenarios};
-    const int blocks = (scenarios + kernel.lanes - 1) / kernel.lanes;
-    if (crew_ == nullptr || blocks <= 1 || !crew_->predict(batch, blocks, kernel)) {
+    const int part = batch.part_size(kernel.lanes, crew_ == nullptr ? 1 : crew_->threads.count());
+    if (crew_ == nullptr || batch.parts(part) <= 1 || !crew_->predict(batch, part, kernel)) {
         own.workspaces.serve(kernel);
-        for (int block = 0; block < blocks; ++block) {
-            own.workspaces.predict(batch, block);
+        for (int first = 0; first < scenarios; first += part) {
+            own.workspaces.predict(batch, first, std::min(part, scenarios - first));
         }
     }
     if (results.patience != nullptr) {

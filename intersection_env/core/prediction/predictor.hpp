@@ -22,6 +22,7 @@ struct Results {
     float* minimum_distance = nullptr; // (scenario,) [m], infinite where no two vehicles can touch
     std::uint8_t* followed = nullptr;  // (scenario,), whether the second of each assigned pair lets the first pass
     float* patience = nullptr;         // (vehicle,), what drivers keep, as Traffic holds it
+    bool apart = false; // each scenario is predicted by itself, whatever it has in common with others: for benchmarks
 };
 
 // Only the first predictions of a thread allocate memory, and those of a larger traffic than any before. Any number of

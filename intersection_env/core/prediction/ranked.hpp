@@ -28,7 +28,7 @@ struct Outcomes {
 Outcomes outcomes_of(const Predictor& predictor, const Traffic& traffic, std::span<const std::int8_t> orders,
                      std::size_t count, const Trajectories& trajectories, const Kernel& kernel);
 
-constexpr std::size_t BATCH = 1024, HURRIED = 64; // orders predicted at a time; where a deadline may come between
+constexpr std::size_t BATCH = 2048, HURRIED = 256; // orders predicted at a time; where a deadline may come between
 
 // By RankBy. cooperative: as of rank_maneuvers, of flags that are enough. limit, deadline: predict no more, or longer.
 Ranking predicted_maneuvers(const Predictor& predictor, const Traffic& traffic,

@@ -80,7 +80,7 @@ predict(const Predictor& predictor, const Traffic& traffic, const Matrix<std::in
 // Without trajectories: what is not wanted is not made, which for one scenario is a tenth of the time.
 std::tuple<Floats, Floats> summarize(const Predictor& predictor, const Traffic& traffic,
                                      const Matrix<std::int8_t>& assignments, bool safety,
-                                     const std::optional<std::string>& isa) {
+                                     const std::optional<std::string>& isa, bool apart) {
     const std::size_t scenarios = assignments.shape(0);
     std::vector<std::int8_t> completed(assignments.data(), assignments.data() + assignments.size());
     auto time_loss = make<float>({scenarios, traffic.route.size()});
@@ -88,6 +88,7 @@ std::tuple<Floats, Floats> summarize(const Predictor& predictor, const Traffic& 
     Results results;
     results.time_loss = time_loss.data();
     results.minimum_distance = safety ? minimum_distance.data() : nullptr;
+    results.apart = apart;
     {
         const nb::gil_scoped_release release;
         predictor.predict(traffic, completed, static_cast<int>(scenarios), {}, results,
@@ -186,7 +187,9 @@ void bind_prediction(nb::module_& m) {
             "position, speed, acceleration, enters, present, time_loss, minimum_distance, hold, completed assignments, "
             "waited, patience.")
         .def("summarize", &summarize, "traffic"_a, "assignments"_a.noconvert(), "safety"_a, "isa"_a = nb::none(),
-             "time_loss, minimum_distance: as of predict, without trajectories.")
+             "apart"_a = false,
+             "time_loss, minimum_distance: as of predict, without trajectories. apart: each scenario by itself, "
+             "whatever it has in common with others.")
         .def("keeps_patience", &Predictor::keeps_patience, "traffic"_a,
              "Whether drivers keep anything in a prediction of this traffic.")
         .def("patience", &patience_at, "traffic"_a, "levels"_a.noconvert(),

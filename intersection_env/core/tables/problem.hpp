@@ -115,6 +115,29 @@ struct ScenarioArguments {
     std::uint8_t* followed;  // (scenario,), or null: not wanted
 };
 
+// Scenarios that have come to the same state: a range of BranchMemory::scenarios, and the step that they are at.
+struct Branch {
+    int first, last, step;
+};
+
+// What pairs say to the vehicles of one scenario, as far as it matters; one bit a vehicle.
+struct BranchDecision {
+    std::uint64_t waits;   // for whatever reason
+    std::uint64_t refused; // of these, those that count as held at their line, where that is asked for
+    std::uint64_t told;    // and those that an assignment refuses, likewise
+};
+
+constexpr int WORDS_OF_A_VEHICLE = 7, WORDS_OF_A_BRANCH = 1; // beside one word a pair
+
+// What branching takes beside its arguments, for as many scenarios as these have; kernels allocate nothing.
+struct BranchMemory {
+    std::int32_t* scenarios;   // (scenario,) their numbers, those of a branch together
+    BranchDecision* decisions; // (scenario,)
+    Branch* pile;              // (scenario,) branches that no lane has taken up yet, the last one first
+    std::uint32_t* states;     // (scenario, words), of these
+    int words;
+};
+
 // Where one moment's observations go; all from the first lane.
 struct ObservationArguments {
     float* driving;        // (vehicle, DRIVING_INPUTS)

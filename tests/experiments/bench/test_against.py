@@ -22,6 +22,7 @@ def given(tmp_path_factory: pytest.TempPathFactory) -> Path:
     [
         "predict, driver networks, n 1, isa v3, distances yes",
         "predict, driver assigned, n 64, isa v3",
+        "predict, driver assigned, n 64, isa v3, together yes",
         "predict, driver idm, n 1, isa v3",
         "rank, orders 2000",
         "closed loop, worlds 8, isa v3, threads 2",

@@ -41,7 +41,7 @@ def test_part_alone_is_timed_and_shown(tmp_path: Path, monkeypatch: pytest.Monke
     said = " ".join(forecast_sentences(found))
     assert f"The probabilities of {found['orders']:,} orders, and the trajectories of the 64 most probable" in said
     assert "`Planner::forecast`: cmake or ninja is not installed." in said
-    assert "of 30 vehicles with more orders than it predicts by default: 666 of them in" in said
+    assert "of 30 vehicles with more orders than it predicts by default: 2666 of them in" in said
     assert forecast_sentences(None) == []
 
 
