@@ -30,6 +30,34 @@ struct Question {
 struct Choice {
     int pair;
     BranchDecision of[3]; // by assignment, from -1 on
+
+    bool is(const Choice& other) const {
+        return pair == other.pair && of[0] == other.of[0] && of[1] == other.of[1] && of[2] == other.of[2];
+    }
+};
+
+// Choices that all scenarios of a branch have made alike: while they stay what they are, nobody need be asked again.
+struct Agreement {
+    static constexpr int MOST = 48; // ours: more are made anew
+    int count = -1;                 // -1: none
+    Choice choices[MOST];
+    BranchDecision decision;
+
+    bool covers(const Choice* made, int made_count) const {
+        int same = 0;
+        while (same < made_count && count == made_count && choices[same].is(made[same])) {
+            ++same;
+        }
+        return count == made_count && same == count;
+    }
+
+    void remember(const Choice* made, int made_count, const BranchDecision& by_all) {
+        count = made_count <= MOST ? made_count : -1;
+        for (int c = 0; c < count; ++c) {
+            choices[c] = made[c];
+        }
+        decision = by_all;
+    }
 };
 
 struct BranchingLanes : BranchLanes {
@@ -37,6 +65,7 @@ struct BranchingLanes : BranchLanes {
     Question questions[MAX_PAIRS];
     Choice choices[MAX_PAIRS]; // of one lane
     int question_count;
+    Agreement agreements[WIDTH];
 };
 
 class Branching {
@@ -48,6 +77,9 @@ class Branching {
 
     void run() {
         branches_.begin(arguments_.scenarios);
+        for (Agreement& agreement : lanes_.agreements) {
+            agreement.count = -1;
+        }
         find_heeded();
         while (branches_.fill_lanes()) {
             observe_lanes();
@@ -117,6 +149,7 @@ class Branching {
                     store_summary(l, s);
                 }
                 branches_.clear(l);
+                lanes_.agreements[l].count = -1;
             }
         }
     }
@@ -229,6 +262,24 @@ class Branching {
     }
 
     void decide_and_part(int lane, int choices) {
+        Agreement& agreement = lanes_.agreements[lane];
+        if (!agreement.covers(lanes_.choices, choices)) {
+            decide(lane, choices);
+            agreement.remember(lanes_.choices, choices, memory_.decisions[lanes_.branch[lane].first]);
+            branches_.part(lane);
+        }
+        const BranchDecision& decision = agreement.decision;
+        for (int i = 0; i < problem_.vehicle_count; ++i) {
+            PredictedVehicle& vehicle = lanes_.vehicles[i];
+            const bool told = (decision.told & bit(i)) != 0, refused = told || (decision.refused & bit(i)) != 0;
+            vehicle.refused[lane] |= refused ? -1 : 0;
+            vehicle.refused_by_assignment[lane] |= told ? -1 : 0;
+            vehicle.kept[lane] |= (decision.waits & bit(i)) != 0 ? -1 : 0;
+        }
+    }
+
+    // What each scenario of the lane's branch comes to.
+    void decide(int lane, int choices) {
         const Branch& branch = lanes_.branch[lane];
         for (int s = branch.first; s < branch.last; ++s) {
             const std::int8_t* assigned = branches_.assignments(s);
@@ -237,15 +288,6 @@ class Branching {
                 sum |= lanes_.choices[c].of[assigned[lanes_.choices[c].pair] + 1];
             }
             memory_.decisions[s] = sum;
-        }
-        const BranchDecision stays = memory_.decisions[branch.first];
-        branches_.part(lane);
-        for (int i = 0; i < problem_.vehicle_count; ++i) {
-            PredictedVehicle& vehicle = lanes_.vehicles[i];
-            const bool told = (stays.told & bit(i)) != 0, refused = told || (stays.refused & bit(i)) != 0;
-            vehicle.refused[lane] |= refused ? -1 : 0;
-            vehicle.refused_by_assignment[lane] |= told ? -1 : 0;
-            vehicle.kept[lane] |= (stays.waits & bit(i)) != 0 ? -1 : 0;
         }
     }
 
