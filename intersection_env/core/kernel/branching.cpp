@@ -44,11 +44,11 @@ struct Agreement {
     BranchDecision decision;
 
     bool covers(const Choice* made, int made_count) const {
-        int same = 0;
-        while (same < made_count && count == made_count && choices[same].is(made[same])) {
-            ++same;
+        bool same = count == made_count;
+        for (int c = 0; same && c < count; ++c) {
+            same = choices[c].is(made[c]);
         }
-        return count == made_count && same == count;
+        return same;
     }
 
     void remember(const Choice* made, int made_count, const BranchDecision& by_all) {
@@ -221,7 +221,7 @@ class Branching {
         for (int i = 0; i < problem_.vehicle_count; ++i) {
             const PredictedVehicle& vehicle = lanes_.vehicles[i];
             const bool refused = vehicle.refused[lane] != 0, waits = refused || vehicle.kept[lane] != 0;
-            if (vehicle.refused_by_assignment[lane] == 0 && !is_settled(vehicle, lane)) {
+            if (vehicle.refused_by_assignment[lane] == 0 && settled(vehicle)[lane] == 0) {
                 matters.waits |= waits ? 0 : bit(i);
                 matters.refused |= refused ? 0 : bit(i) & lanes_.heeded;
                 matters.told |= bit(i) & lanes_.heeded;
@@ -243,11 +243,6 @@ class Branching {
             }
         }
         return count;
-    }
-
-    static bool is_settled(const PredictedVehicle& vehicle, int lane) {
-        return vehicle.delta[lane] != 0 && vehicle.distance_to_stop_line[lane] < vehicle.braking_distance[lane] &&
-               vehicle.goes_on[lane] != 0;
     }
 
     BranchDecision decision(const Question& question, int way, int lane, const BranchDecision& matters) const {
