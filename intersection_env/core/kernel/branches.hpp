@@ -8,13 +8,16 @@ namespace intersection_env::INTERSECTION_ENV_ISA {
 // Assignments of a branch whose scenarios have not the same one; in the second case some of them have none.
 constexpr int DIFFERENT = 2, DIFFERENT_OR_NONE = 3;
 
+constexpr int FIRST_IS_PRIORITIZED = 1, FIRST_IS_YIELDER = 2;
+
 // A branch in each lane that is busy.
 struct BranchLanes : ScenarioLanes {
     Ints busy; // mask
     Branch branch[WIDTH];
     Ints waited_before[MAX_VEHICLES]; // at the begin of the step
-    Ints broken[MAX_PAIRS];           // which assignments have been disobeyed so far, or would have been, by bits
-    Floats distance;                  // the smallest one so far
+    Floats applied[MAX_VEHICLES];     // accelerations of the last step
+    Ints broken[MAX_PAIRS]; // which assignments have been disobeyed so far, or would have been: the bits below
+    Floats distance;        // the smallest one so far
     std::uint8_t differs[MAX_PAIRS], has_none[MAX_PAIRS];
 };
 

@@ -4,13 +4,12 @@
 // Where the scenarios of a branch no longer decide alike, it is parted: those of one decision stay in the lane; for
 // each other decision a branch is laid on a pile, with the state at the begin of the step, and a lane that is through
 // takes it up. Every lane computes what it would compute for each of its scenarios alone, to the same bytes.
+#include "kernel/branch_results.hpp"
 #include "kernel/branches.hpp"
 #include "kernel/kernel.hpp"
 
 namespace intersection_env::INTERSECTION_ENV_ISA {
 namespace {
-
-constexpr int FIRST_IS_PRIORITIZED = 1, FIRST_IS_YIELDER = 2; // bits of BranchLanes::broken: who has disobeyed that
 
 constexpr std::uint64_t bit(int vehicle) { return std::uint64_t{1} << vehicle; }
 
@@ -73,7 +72,7 @@ class Branching {
     Branching(const Problem& problem, const ScenarioArguments& arguments, const BranchMemory& memory,
               BranchingLanes& lanes)
         : problem_(problem), arguments_(arguments), memory_(memory), lanes_(lanes),
-          branches_(problem, arguments.assignments, memory, lanes) {}
+          branches_(problem, arguments.assignments, memory, lanes), results_(problem, arguments, memory, lanes) {}
 
     void run() {
         branches_.begin(arguments_.scenarios);
@@ -143,34 +142,11 @@ class Branching {
     // Those at the end of the horizon.
     void finish_branches() {
         for (int l = 0; l < WIDTH; ++l) {
-            const Branch& branch = lanes_.branch[l];
-            if (lanes_.busy[l] != 0 && branch.step == STEPS) {
-                for (int s = branch.first; s < branch.last; ++s) {
-                    store_summary(l, s);
-                }
+            if (lanes_.busy[l] != 0 && lanes_.branch[l].step == STEPS) {
+                results_.store_summary(l);
                 branches_.clear(l);
                 lanes_.agreements[l].count = -1;
             }
-        }
-    }
-
-    void store_summary(int lane, int index) const {
-        const long scenario = memory_.scenarios[index];
-        for (int i = 0; i < problem_.vehicle_count; ++i) {
-            arguments_.time_loss[scenario * problem_.vehicle_count + i] = lanes_.vehicles[i].time_loss[lane];
-        }
-        if (arguments_.minimum_distance != nullptr) {
-            arguments_.minimum_distance[scenario] = lanes_.distance[lane];
-        }
-        if (arguments_.followed != nullptr) {
-            const std::int8_t* assigned = branches_.assignments(index);
-            bool wrong = false;
-            for (int p = 0; p < problem_.pair_count; ++p) {
-                const int broken = lanes_.broken[p][lane];
-                wrong |= (assigned[p] < 0 && (broken & FIRST_IS_PRIORITIZED) != 0) ||
-                         (assigned[p] > 0 && (broken & FIRST_IS_YIELDER) != 0);
-            }
-            arguments_.followed[scenario] = !wrong;
         }
     }
 
@@ -287,21 +263,20 @@ class Branching {
     }
 
     void drive_lanes() {
-        const IdmParameters& idm = problem_.idm;
-        const float inverse_root = 0.5F / __builtin_sqrtf(idm.acceleration * idm.deceleration);
-        each_branch([this](int lane) { store_state(lane, lanes_.branch[lane].step); });
+        const float inverse_root = inverse_root_of(problem_.idm);
+        each_branch([this](int lane) { results_.store_state(lane, lanes_.branch[lane].step); });
         for (int i = 0; i < problem_.vehicle_count; ++i) {
             PredictedVehicle& vehicle = lanes_.vehicles[i];
             const Floats top_speed = all(problem_.vehicles[i].max_speed);
             const Floats wanted = any(vehicle.present) ? drive(problem_, inverse_root, top_speed, vehicle) : all(0.0F);
-            applied_[i] = advance(problem_.vehicles[i], wanted, vehicle);
+            lanes_.applied[i] = advance(problem_.vehicles[i], wanted, vehicle);
         }
         each_branch([this](int lane) {
             const int step = lanes_.branch[lane].step++;
-            store_action(lane, step);
+            results_.store_action(lane, step);
             if (step == STEPS - 1) {
-                store_state(lane, STEPS);
-                store_action(lane, STEPS);
+                results_.store_state(lane, STEPS);
+                results_.store_action(lane, STEPS);
             }
         });
     }
@@ -313,45 +288,12 @@ class Branching {
         }
     }
 
-    void store_state(int lane, int time) const {
-        const Trajectories& to = arguments_.trajectories;
-        store(to.position, lane, time, [this](int i) { return lanes_.vehicles[i].position; });
-        store(to.speed, lane, time, [this](int i) { return lanes_.vehicles[i].speed; });
-        store(to.present, lane, time, [this](int i) { return lanes_.vehicles[i].present & 1; });
-    }
-
-    void store_action(int lane, int time) const {
-        const Trajectories& to = arguments_.trajectories;
-        store(to.acceleration, lane, time, [this](int i) { return applied_[i]; });
-        store(to.enters, lane, time, [this](int i) { return lanes_.vehicles[i].delta & 1; });
-        store(to.hold, lane, time, [this](int i) { return lanes_.vehicles[i].hold; });
-        store(to.waited, lane, time, [this](int i) { return lanes_.vehicles[i].waited; });
-    }
-
-    // The lane's values of all vehicles, for every scenario of its branch; nothing where they are not wanted.
-    template <class Value, class Read>
-    void store(Value* out, int lane, int time, Read read) const {
-        if (out == nullptr) {
-            return;
-        }
-        const long count = problem_.vehicle_count;
-        Value row[MAX_VEHICLES];
-        for (int i = 0; i < count; ++i) {
-            row[i] = static_cast<Value>(read(i)[lane]);
-        }
-        const Branch& branch = lanes_.branch[lane];
-        for (int s = branch.first; s < branch.last; ++s) {
-            Value* to = out + (static_cast<long>(memory_.scenarios[s]) * (STEPS + 1) + time) * count;
-            __builtin_memcpy(to, row, static_cast<unsigned long>(count) * sizeof(Value));
-        }
-    }
-
     const Problem& problem_;
     const ScenarioArguments& arguments_;
     const BranchMemory& memory_;
     BranchingLanes& lanes_;
     Branches branches_;
-    Floats applied_[MAX_VEHICLES]; // accelerations of the last step
+    const BranchResults results_;
 };
 
 } // namespace

@@ -292,7 +292,7 @@ void predict_one_scenario(const Problem& problem, const ScenarioArguments& argum
     const LaneProblem& p = problem.lanes;
     const Trajectories& t = arguments.trajectories;
     const int count = problem.vehicle_count;
-    const float inverse_root = 0.5F / __builtin_sqrtf(problem.idm.acceleration * problem.idm.deceleration);
+    const float inverse_root = inverse_root_of(problem.idm);
     alignas(64) std::int32_t assignments[MAX_PAIRS];
     for (int k = 0; k < p.padded_pairs; ++k) {
         assignments[k] =

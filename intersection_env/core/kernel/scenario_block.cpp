@@ -76,8 +76,7 @@ void predict_scenario_block(const Problem& problem, const ScenarioArguments& arg
     ScenarioLanes& block = reinterpret_cast<ScenarioLanes&>(workspace);
     const int count = problem.vehicle_count;
     const bool wants_trajectories = arguments.trajectories.position != nullptr;
-    const IdmParameters& p = problem.idm;
-    const float inverse_root = 0.5F / __builtin_sqrtf(p.acceleration * p.deceleration);
+    const float inverse_root = inverse_root_of(problem.idm);
     Floats distance = all(NO_DISTANCE);
     Ints wrong{};
     start(problem, block);

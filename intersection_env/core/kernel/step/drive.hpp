@@ -13,7 +13,10 @@ constexpr float LEAST_GAP = 0.1F; // [m], ours: keeps the model finite where bum
 constexpr float LEAST_LEAD_GAP = 1.0F; // [m], ours: SUMO's least; where lanes fan out, bodies are nearer than bumpers
 constexpr float BEFORE_LINE = 0.4F;    // [m], ours: where the simulated drivers stand, clear of who passes
 
-// inverse_root: 1 / (2 sqrt(a b)). What the road alone asks for takes the speed to the free speed in a step at most:
+// 1 / (2 sqrt(a b)) of the model.
+inline float inverse_root_of(const IdmParameters& p) { return 0.5F / __builtin_sqrtf(p.acceleration * p.deceleration); }
+
+// inverse_root: inverse_root_of(p). What the road alone asks for takes the speed to the free speed in a step at most:
 // where that is low, the fourth power would throw it to and fro.
 inline Floats idm(const IdmParameters& p, float inverse_root, Floats speed, Floats free_speed, Floats gap,
                   Floats lead_speed) {
