@@ -14,7 +14,7 @@ from intersection_env.evaluation.intervals import interval
 from intersection_env.prediction.maneuvers import WORTHWHILE_GAIN
 
 LIKELY = 0.8  # ours, chosen on development: from this chance on a gain is likely
-REAL = 0.8  # of the gains above 2 s, by the bar
+REAL = 0.8  # of the gains above 2 s; ours
 
 Floats = NDArray[np.float64]
 Samples = Mapping[str, Floats]

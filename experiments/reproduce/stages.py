@@ -76,15 +76,19 @@ class Stages:
             return key
         print(f"[{name}]", flush=True)
         mark.unlink(missing_ok=True)
-        begin = time.perf_counter()
-        work()
-        with written_whole(mark) as temporary:
-            done = {"key": key, "output": file_hash(output), "seconds": round(time.perf_counter() - begin, 1)}
-            temporary.write_text(json.dumps(done) + "\n", encoding="utf-8")
+        earlier = float(done["seconds"]) if done.get("begun") == key else 0.0
+        begin, begun = time.perf_counter(), {"begun": key}
+        try:
+            work()
+            begun = {"key": key, "output": file_hash(output)}
+        finally:
+            with written_whole(mark) as temporary:
+                seconds = round(earlier + time.perf_counter() - begin, 1)
+                temporary.write_text(json.dumps({**begun, "seconds": seconds}) + "\n", encoding="utf-8")
         return key
 
     def seconds(self, names: Sequence[str]) -> dict[str, float]:
-        """What each stage took when it was done [s]; the whole of it, if it was not interrupted."""
+        """What each stage took [s], tries that were interrupted included, but for those that were killed."""
         return {name: float(self._done(name)["seconds"]) for name in names}
 
     def _mark(self, name: str) -> Path:

@@ -78,10 +78,10 @@ def rank_maneuvers(
         cooperative: as in `crossing_orders`.
         limit: predict at most so many orders, beginning with those that keep the order of no intervention
             among most pairs, or, by expectation, with the most probable one; None: all, however many. "cycle": as many
-            as a planner's cycle has time for, some 50 ms on one core: 600,000 over the squared number of vehicles, at
+            as a planner's cycle has time for, some 50 ms on one core: 2,400,000 over the squared number of vehicles, at
             most 10,000. How many were left out stands in `attrs["left_out"]` (those never found counted up to 20,000).
         seconds: begin no further batch of 256 orders after so long; what comes out then depends on the machine, and
-            those left out that were never found are counted up to 1,024.
+            those left out that were never found are counted up to 1,024, by prediction up to 2,048.
         by: None: expectation where the policy holds an order network, as those that ship do, else prediction.
 
     Returns:

@@ -25,8 +25,8 @@ struct Results {
     bool apart = false; // each scenario is predicted by itself, whatever it has in common with others: for benchmarks
 };
 
-// Only the first predictions of a thread allocate memory, and those of a larger traffic than any before. Any number of
-// threads may call one predictor at the same time; none waits for another.
+// Only the first predictions of a thread allocate memory, and those of more vehicles, pairs or scenarios than any
+// before. Any number of threads may call one predictor at the same time; none waits for another.
 class Predictor {
   public:
     // threads: how many share a batch of several blocks, 0: one a core; they do not change what comes out. They help

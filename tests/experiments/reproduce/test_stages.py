@@ -139,6 +139,26 @@ def test_stage_that_fails_is_not_marked_nor_is_what_it_was_before(tmp_path: Path
     assert work.count == 2
 
 
+def test_stage_that_was_interrupted_has_taken_all_its_tries(tmp_path: Path) -> None:
+    work = Counter(tmp_path / "out")
+
+    def interrupted() -> None:
+        time.sleep(0.2)
+        raise KeyboardInterrupt
+
+    def seconds_after(tries: int, value: int) -> float:
+        for _ in range(tries):
+            with pytest.raises(KeyboardInterrupt):
+                Stages(tmp_path).run("a", {"x": value}, work.output, interrupted)
+        Stages(tmp_path).run("a", {"x": value}, work.output, work)
+        return Stages(tmp_path).seconds(["a"])["a"]
+
+    assert seconds_after(2, value=1) >= 0.4
+    with pytest.raises(KeyboardInterrupt):
+        Stages(tmp_path).run("a", {"x": 2}, work.output, interrupted)
+    assert seconds_after(0, value=3) < 0.2  # of another stage's try it knows nothing
+
+
 def test_trainings_for_other_scenes_or_of_other_effort_have_folders_of_their_own(tmp_path: Path) -> None:
     def folder(options: Options, recordings: str) -> Path:
         workspace = Workspace(options)

@@ -79,7 +79,8 @@ class Planner {
     // to the gap decision; what they imply under the lane order is added. Empty: one scenario, no intervention.
     // Throws std::invalid_argument for a traffic or priorities that are refused.
     Prediction predict(const Traffic& traffic, std::span<const std::int8_t> priorities = {}) const;
-    // The same into memory that is there: from the second cycle on nothing is allocated, unless the traffic has grown.
+    // The same into memory that is there: from the second cycle on nothing is allocated, unless there are more
+    // vehicles, pairs or scenarios than before.
     void predict(const Traffic& traffic, std::span<const std::int8_t> priorities, Prediction& result) const;
 
     // The traffic at a step, 0 to STEPS, of a predicted scenario: the vehicles then present, in their order, with what
