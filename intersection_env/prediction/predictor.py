@@ -182,9 +182,9 @@ class Predictor:
 
         All that ship were trained on the simulated recordings, and a network decides about gaps, in
         `"rollout_gradient"` one of its own. Who drives: in `"rollout_gradient"` a network that learned from the errors
-        of its own predictions, in `"gail"` one that learned to drive like the recorded ones, in `"ppo"` one that learned
-        by reward in the closed loop, as GAIL's did to begin with; in `"gap"` the IDM with the paper's parameters, in
-        `"idm_calibrated"` with those that fit the recordings.
+        of its own predictions, in `"gail"` one that learned to drive like the recorded ones, in `"ppo"` one that
+        learned by reward in the closed loop, as GAIL's did to begin with; in `"gap"` the IDM with the paper's
+        parameters, in `"idm_calibrated"` with those that fit the recordings.
 
         Args:
             policy: a name or a path; by default the one that predicts best of those that pass the gates
