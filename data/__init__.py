@@ -1,1 +1,1 @@
-"""Recordings to scenes: formats, the SUMO stand-in, projection, filters, split; maps of lanes to map sources."""
+"""Recordings to scenes: formats, simulation with SUMO, projection, filters, split; maps of lanes to map sources."""

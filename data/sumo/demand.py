@@ -1,4 +1,4 @@
-"""Who drives through the stand-in, when, where to and in what temper."""
+"""Who drives through a simulated recording, when, where to and in what temper."""
 
 from __future__ import annotations
 

@@ -34,7 +34,7 @@ SETTINGS = (
     *("--step-method.ballistic", "--time-to-teleport", "-1", "--time-to-impatience", "15"),
     *("--no-step-log", "--no-warnings"),
 )
-"""SUMO's, as the stand-in was driven."""
+"""SUMO's, as the simulated recordings were driven."""
 OVERTAKING_GAP = 4.0, 18.0  # [m], ours: between a bicycle and the car that will overtake it
 OVERTAKING_AT = 1.0, 11.0  # [m], ours: how far beyond the junction the bicycle then is
 LEAST_BICYCLE_SPEED = 3.0  # [m/s], ours: a slower one has just stopped and wobbles

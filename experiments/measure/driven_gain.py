@@ -3,7 +3,8 @@
 python -m experiments.driven_gain --figure out/driven.svg    on the development recordings
 python -m experiments.driven_gain --split validation         for the report, once
 
-The drivers are the stand-in's, the same with and without, and all take instructions (`experiments.models.driven_on`).
+The drivers are those of the simulated recordings, the same with and without, and all take instructions
+(`experiments.models.driven_on`).
 The maneuver is the best safe one of `rank_maneuvers`, by expectation and by prediction; who plans it knows nothing of
 the drivers but where they are and how fast. Where all vehicles cooperate, an order leaves nothing open, so that both
 rankings choose the same one; what they expect of no intervention differs, and with it which gains exceed 2 s.

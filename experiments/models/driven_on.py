@@ -1,9 +1,9 @@
-"""SUMO drives on from a recorded moment with the stand-in's drivers: by its own right of way, or in an order imposed.
+"""SUMO drives on from a recorded moment: by its own right of way, or in an order imposed.
 
 Vehicles begin where and as fast as they were recorded. Who drives each is drawn as `data.sumo.demand` draws the
-stand-in's drivers, since a recording doesn't tell; what follows is computed as the stand-in was (`data.sumo.drive`):
-ballistic steps of 0.04 s, a decision every 0.32 s, impatience after 15 s. Nobody else enters. The same drivers, with
-the same seed, drive with and without the order.
+drivers of the simulated recordings, since a recording doesn't tell; what follows is computed as those were
+(`data.sumo.drive`): ballistic steps of 0.04 s, a decision every 0.32 s, impatience after 15 s. Nobody else enters. The
+same drivers, with the same seed, drive with and without the order.
 
 What a driver does there who is told an order: signs no longer count. All links have priority, so that nobody halts at
 a stop sign, slows down to look, or yields by rule. Who goes second in a pair plans a stop at the end of its lane, as

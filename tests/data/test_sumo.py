@@ -1,4 +1,4 @@
-"""The shipped stand-in recordings: reproducible, in inD's format, on the map's routes."""
+"""The simulated recordings that ship: reproducible, in inD's format, on the map's routes."""
 
 from __future__ import annotations
 
