@@ -13,8 +13,8 @@ using namespace intersection_env;
 
 namespace {
 
-template <int INPUTS, class Evaluate>
-void evaluate(const Network<INPUTS>& network, Evaluate evaluate) {
+template <int INPUTS, int UNITS, class Evaluate>
+void evaluate(const Network<INPUTS, UNITS>& network, Evaluate evaluate) {
     float in[INPUTS], out = 0.0F;
     for (int i = 0; i < INPUTS; ++i) {
         in[i] = static_cast<float>(10 * i - 10);
