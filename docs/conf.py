@@ -26,7 +26,7 @@ from experiments.documentation.site_only import uncovered  # noqa: E402
 from intersection_env.__main__ import main as command  # noqa: E402
 
 ELSEWHERE = (
-    r"(np|gymnasium|pd|_core)\..*|NDArray|ArrayLike|Path|Any|Iterable|Iterator|Sequence|Mapping.*|Literal|Self"
+    r"(np|gymnasium|pd|_core)\..*|NDArray|ArrayLike|InitVar|Path|Any|Iterable|Iterator|Sequence|Mapping.*|Literal|Self"
     r"|Figure|Axes|Box|AECEnv|AutoresetMode"
 )
 """Names in signatures whose documentation is elsewhere, where nothing here leads to."""

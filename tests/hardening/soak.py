@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from intersection_env import ClosedLoopWorlds, Intersection, Predictor, ReplayWorlds, Scenes
+from intersection_env import ClosedLoopWorlds, Intersection, Predictor, ReplayWorlds, Scenes, crossing_orders
 from intersection_env.envs.spaces import observation_space
 from intersection_env.features import Driving
 from intersection_env.maps.intersection import Sample
@@ -139,7 +139,7 @@ def replay(worlds: int, threads: int) -> Soak:
 
 
 def predict(scenarios: int, batch: int = 1024) -> None:
-    """Predicts recorded moments, in batches and a few scenarios at a time.
+    """Predicts crossing orders of recorded moments, in batches and a few at a time.
 
     Raises:
         AssertionError: something is not as it should be.
@@ -150,11 +150,11 @@ def predict(scenarios: int, batch: int = 1024) -> None:
     done = calls = settled = 0
     while done < scenarios:
         traffic, count = moments[calls % len(moments)], batch if calls % 2 else 1 + calls % 16
-        free = np.zeros((count, len(traffic.conflicts)), np.int8)
-        predicted = predictor.predict(traffic, free, trajectories=False)
+        orders = next(crossing_orders(traffic, batch=count))
+        predicted = predictor.predict(traffic, orders, trajectories=False)
         if not np.isfinite(predicted.time_loss).all():
             raise AssertionError("a time loss is not finite")
-        done, calls = done + count, calls + 1
+        done, calls = done + len(orders), calls + 1
         if not settled and done > WARM_UP * scenarios:
             settled = resident()
     grown = resident() - settled
