@@ -14,6 +14,7 @@ import numpy as np
 
 from intersection_env import Intersection, Predictor, Traffic
 from intersection_env.evaluation.obedience import Findings, look_at
+from intersection_env.features import Driving
 from intersection_env.policies.file import PolicyFile
 from intersection_env.policies.named import DEFAULT
 from tests.hardening.obedience import PAST_LINE
@@ -101,12 +102,19 @@ def _drive_on(traffic: Traffic, drivers: dict[str, Predictor], where: str, looke
 
 
 def collided(traffic: Traffic, predictor: Predictor, seconds: int) -> set[str]:
-    """Whose bodies overlap another at some time of so many seconds, though they may have come free again."""
+    """Who overlaps another at some time of so many seconds, though it may have come free again.
+
+    Or stands beside its standing lead, the bumper past that one's rear: where lanes part, bodies may have missed.
+    """
     found: set[str] = set()
     for _ in range(seconds // 10):
         prediction = predictor.predict(traffic)
         for time in prediction.time[1:]:
-            found.update(*prediction.traffic_at(float(time)).overlaps)
+            state = prediction.traffic_at(float(time))
+            seen = predictor.observe(state).driving
+            stand = (seen[:, Driving.SPEED] == 0.0) & (seen[:, Driving.LEAD_SPEED] == 0.0)
+            beside = stand & (seen[:, Driving.LEAD_DISTANCE] < 0.0)
+            found.update(*state.overlaps, np.array(state.ids)[beside].tolist())
         traffic = prediction.traffic_at(10.0)
     return found
 

@@ -11,6 +11,10 @@ from tests.reference import predictor as reference
 from tests.support.twins import twin_of
 
 TRAJECTORY_TOLERANCE = 1e-3  # [m] after 10 s, with decisions replayed
+SPEED_TOLERANCE, ACCELERATION_TOLERANCE = 2e-3, 2e-2  # [m/s, m/s²]
+CREEPING = 5.0
+"""So many times more with a network: held 1 m behind its lead it makes up in a step for what a distance is off (1 mm in
+0.2 s are 5 mm/s), and overdoes it, so that speeds scatter by that while positions stay together."""
 
 
 def weights(network: reference.Network) -> NetworkWeights:
@@ -31,6 +35,7 @@ def replayed(
     truth = reference.predict(twin_of(traffic.intersection), twin, assignment[0], **how)  # type: ignore[arg-type]
     decisions = np.ascontiguousarray(truth.enters[None, :50].astype(np.uint8))
     farthest = 0.0
+    share = CREEPING if how["driver"] == "network" else 1.0
     for isa in _core.available_kernels():
         results = predictor.predict(traffic.core, assignment, True, True, decisions, isa)
         position, speed, acceleration, enters, present, time_loss, distance, *_ = results
@@ -38,8 +43,9 @@ def replayed(
         np.testing.assert_array_equal(enters[0].astype(bool), truth.enters, err_msg=isa)
         np.testing.assert_allclose(position[0], truth.position, atol=TRAJECTORY_TOLERANCE, err_msg=isa)
         farthest = max(farthest, float(np.abs(position[0] - truth.position).max(initial=0.0)))
-        np.testing.assert_allclose(speed[0], truth.speed, atol=2e-3, err_msg=isa)
-        np.testing.assert_allclose(acceleration[0], truth.acceleration, atol=2e-2, err_msg=isa)
+        np.testing.assert_allclose(speed[0], truth.speed, atol=share * SPEED_TOLERANCE, err_msg=isa)
+        tolerance = share * ACCELERATION_TOLERANCE
+        np.testing.assert_allclose(acceleration[0], truth.acceleration, atol=tolerance, err_msg=isa)
         np.testing.assert_allclose(time_loss[0], truth.time_loss, atol=1e-3, err_msg=isa)
         np.testing.assert_allclose(distance[0], truth.minimum_distance, atol=2e-3, err_msg=isa)
     return farthest
