@@ -9,7 +9,7 @@ from experiments.show.tables import markdown_table
 
 
 def environments_section(environments: Mapping[str, Any]) -> str:
-    """Both tables, what a frame takes, and how steady the machine was."""
+    """The tables, what a frame takes, and how steady the machine was."""
     machine, frame = environments["reference_gflops"], environments["frame_ms"]["median"]
     rates = ", ".join(f"{found['median']:.0f}" for found in machine)
     shares = ", ".join(f"{100.0 * found['core_share']:.0f}" for found in machine)
@@ -18,7 +18,7 @@ def environments_section(environments: Mapping[str, Any]) -> str:
         f"before the peers and after them a product of 256 x 256 float32 matrices in one thread ran at {rates}\n"
         f"GFLOP/s, with {shares} % of a core to itself; the rest went to others, which slows everything else alike."
     )
-    return "\n\n".join((worlds_table(environments), doors_table(environments), notes))
+    return "\n\n".join((worlds_table(environments), threads_table(environments), doors_table(environments), notes))
 
 
 def worlds_table(environments: Mapping[str, Any]) -> str:
@@ -29,6 +29,15 @@ def worlds_table(environments: Mapping[str, Any]) -> str:
         rates = (f"{row['rates'][column]['median'] / 1e6:.1f}" for column in columns)
         rows.append((row["name"], *rates, f"{100.0 * row['ends_per_world_step']:.1f} %"))
     return markdown_table(("million agent-steps/s", *columns, "worlds that end with a step"), rows)
+
+
+def threads_table(environments: Mapping[str, Any]) -> str:
+    """What a second thread is worth, by how much there is to share."""
+    rows = [
+        (row["name"], f"{row['median']:.2f} ({row['least']:.2f} to {row['most']:.2f})")
+        for row in environments["threads"]
+    ]
+    return markdown_table(("rate with two threads, over that with one, in turns", "median (least to most)"), rows)
 
 
 def doors_table(environments: Mapping[str, Any]) -> str:

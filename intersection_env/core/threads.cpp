@@ -10,7 +10,7 @@
 #include <thread>
 #include <vector>
 
-#include <unistd.h>
+#include <pthread.h>
 
 #include "cores.hpp"
 
@@ -24,6 +24,10 @@ constexpr Seconds WORTH_WAKING{100e-6}; // ours: so much work for every thread t
 constexpr Seconds NEVER{1e9};
 constexpr int LOOKS = 30; // ours: how often the caller looks whether the others are done before it sleeps
 
+// How many times this process and those that it is forked from were forked; to ask for its id takes longer.
+std::atomic<int> forks = 0;
+[[maybe_unused]] const int counts_forks = pthread_atfork(nullptr, nullptr, [] { ++forks; });
+
 } // namespace
 
 struct Threads::Pool {
@@ -35,9 +39,9 @@ struct Threads::Pool {
     std::atomic<int> unfinished = 0;
     bool stop = false;
     Seconds per_item = NEVER; // by the rounds before, of little and of much work in turns; at first everybody is woken
-    pid_t process = getpid();
+    int born = forks;
 
-    bool is_forked() const { return process != getpid(); }
+    bool is_forked() const { return born != forks; }
 
     // The next item to do, or -1; done: how many the caller has just done.
     int take(int done) {

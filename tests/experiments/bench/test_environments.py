@@ -133,6 +133,7 @@ def test_tables_show_every_rate_and_what_is_missing() -> None:
     block = environments_section(
         {
             "worlds": [{"name": "loop", "rates": {"v3": rate, "v4": rate}, "ends_per_world_step": 0.0123}],
+            "threads": [{"name": "replay, 64 worlds", "median": 0.978, "least": 0.9, "most": 1.1}],
             "doors": [{"name": "door", "rate": {"median": 8.123e5}}],
             "peers": [{"name": "a", "rate": slow, "doing": "2 agents"}, {"name": "b", "missing": "not installed"}],
             "reference_gflops": [{"median": 100.0, "core_share": 0.99}, {"median": 90.0, "core_share": 0.95}],
@@ -142,5 +143,6 @@ def test_tables_show_every_rate_and_what_is_missing() -> None:
     for line in ("| loop | 31.3 | 31.3 | 1.2 % |", "| door | 812 | |", "| a | 0.05 | 2 agents |"):
         assert line in block
     assert "| b | not installed |  |" in block
+    assert "| replay, 64 worlds | 0.98 (0.90 to 1.10) |" in block
     assert "takes 1.7 ms" in block
     assert "with 99, 95 % of a core" in block
