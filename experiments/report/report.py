@@ -100,7 +100,7 @@ def report(results: Json, about: Json, seconds: Mapping[str, float]) -> str:
         *_sections(results),
         *_places(results["places"]),
         *_ablations(results.get("ablations")),
-        "## Time taken",
+        "## Time taken\n\nOf trainings that were there before, what was left to do.",
         report_table(("stage", "s"), [(name, f"{taken:.0f}") for name, taken in seconds.items()]),
     ]
     return "\n\n".join(parts) + "\n"
