@@ -82,10 +82,11 @@ def test_who_arrived_first_goes_first_wherever_it_comes_from(driver: str, order:
     drive = drives(Predictor.load(driver), Traffic.of(intersection, cars), 60)
     times, stops = crossing_times(intersection, drive), stop_times(intersection, drive)
     assert sorted(times) == sorted(order)
-    arrived = [stops[id] for id in sorted(times, key=times.__getitem__)]
+    crossed = sorted(times, key=times.__getitem__)
+    arrived = [stops[id] for id in crossed]
     assert arrived == sorted(arrived)
     if len(set(arrived)) == len(order):
-        assert sorted(times, key=times.__getitem__) == list(order)
+        assert crossed == list(order)
     else:
         assert driver == "gail", "who creeps to its line is caught up with, and two may stop at once"
         assert len(set(arrived)) == len(order) - 1
