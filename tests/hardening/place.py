@@ -135,7 +135,7 @@ def _compare(traffic: Traffic, twin: TwinTraffic, seed: int, where: str, looked:
     looked.compared += 1
     try:
         creep = policy.driver == "network"
-        difference = replayed(traffic, twin, core_predictor(traffic, policy), assignment, may_creep=creep, **how)
+        difference = replayed(traffic, twin, core_predictor(traffic, policy), assignment, creep, **how)
         looked.farthest = max(looked.farthest, difference)
     except AssertionError as error:
         looked.wrong.append(f"{where}: the core is not its twin: {' '.join(str(error).split())[:200]}")

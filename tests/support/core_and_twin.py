@@ -33,8 +33,8 @@ def replayed(
     twin: reference.Traffic,
     predictor: _core.Predictor,
     assignment: NDArray[np.int8],
-    *,
     may_creep: bool = False,
+    /,
     **how: object,
 ) -> float:
     """Asserts that core and twin agree, decisions replayed from the twin; returns how far positions differ [m]."""
