@@ -20,7 +20,7 @@ class MapTables:
     """Tables of all routes, read from the core's maps.
 
     begin: of each map by checksum, the place of its first route in the row.
-    number, route_count: (route,) its index on its own map, and how many routes that has.
+    rank, route_count: (route,) its rank on its own map, and how many routes that has.
     stop_line, first_conflict, length: (route,) [m]. must_stop: (route,) bool, before that line. stop_lane: (route,), no
         two maps share one.
     lane_begin, lane_end, offset: (route, route, lane) how a vehicle on the row's route follows one on the column's in a
@@ -32,7 +32,7 @@ class MapTables:
     """
 
     begin: dict[str, int]
-    number: Tensor
+    rank: Tensor
     route_count: Tensor
     stop_line: Tensor
     first_conflict: Tensor
@@ -69,7 +69,7 @@ class MapTables:
         first_lanes = np.cumsum([0, *(max(own) + 1 for own in lanes)]).tolist()
         return cls(
             begin=dict(zip([one.checksum for one in maps], begins, strict=False)),
-            number=torch.tensor([index for count in counts for index in range(count)]),
+            rank=torch.tensor([route.rank for route in routes]),
             route_count=torch.tensor([count for count in counts for _ in range(count)]),
             stop_line=torch.tensor([route.stop_line for route in routes]),
             first_conflict=torch.tensor([route.first_conflict for route in routes]),

@@ -149,7 +149,7 @@ class TorchPredictor:
             table[1, yielder, prioritized] for table in (tables.on_yielder, tables.on_prioritized)
         )
         self.beyond_line = tables.beyond_line[yielder, prioritized]
-        self.yielder_number = tables.number[yielder]
+        self.yielder_rank = tables.rank[yielder]
 
     @classmethod
     def of(cls, traffic: Traffic, policy: PolicyFile) -> TorchPredictor:
@@ -232,14 +232,14 @@ class TorchPredictor:
 
         logit: (..., pair), of accepting the gap. hold: (..., vehicle), as remembered.
         """
-        open_ = pairs.free & (hold.gather(-1, pairs.j) <= self.yielder_number)
+        open_ = pairs.free & (hold.gather(-1, pairs.j) <= self.yielder_rank)
         refused = _some(open_ & (logit <= 0.0), pairs.i, pairs.told)
         return Held(open_, logit, pairs.told | pairs.stops | refused)
 
     def next_hold(self, seen: Seen, pairs: Pairs, held: Held, delta: Tensor, hold: Tensor) -> Tensor:
         """Whom each vehicle holds up from now on, itself or through its queue."""
         route = self.vehicles.route
-        mine = torch.where(pairs.told, self.tables.route_count[route], self.tables.number[route])
+        mine = torch.where(pairs.told, self.tables.route_count[route], self.tables.rank[route])
         own = torch.where(delta | ~held.waits, -1, mine)
         same = self.same_lane.expand(*hold.shape, -1).gather(-1, seen.lead.unsqueeze(-1)).squeeze(-1)
         in_queue = (seen.view.to_line >= 0.0) | ~seen.goes_on

@@ -99,6 +99,9 @@ class Route:
     def stop_lane(self) -> int: ...
 
     @property
+    def rank(self) -> int: ...
+
+    @property
     def junction(self) -> tuple[float, float]: ...
 
     @property

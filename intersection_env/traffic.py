@@ -51,7 +51,7 @@ class Traffic:
         length, width: (vehicle,) float32 [m].
         max_speed: (vehicle,) float32, each vehicle's own top speed [m/s]; unbounded by default. Bicycles: 5.
         delta, hold: (vehicle,) bool and int16, what each vehicle remembers from a prediction: whether it enters, and
-            whom it lets go while it waits itself (yielders of routes below that index; -1: nobody). Both, or neither:
+            whom it lets go while it waits itself (yielders of routes below that rank; -1: nobody). Both, or neither:
             then they follow from positions and speeds. `Prediction.traffic_at` gives them.
         waited: (vehicle,) int32, beside them where the map has stops: for how many steps it has stopped at its line or
             gone on from there; 0: not yet. Without, nobody has.

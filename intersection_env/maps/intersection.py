@@ -59,6 +59,8 @@ class Route:
     """Whether a stop is made before that line."""
     stop_lane: int
     """Routes with equal index queue in one lane before their stop lines."""
+    rank: int
+    """Each route has another, from 0; whoever waits itself holds up only those of no lower rank (`docs/model.md`)."""
     junction: tuple[float, float]
     """Where the approach ends and where the exit lane begins."""
     first_conflict: float
@@ -210,6 +212,7 @@ class Intersection:
             core.stop_line,
             core.must_stop,
             core.stop_lane,
+            core.rank,
             core.junction,
             core.first_conflict,
             samples,

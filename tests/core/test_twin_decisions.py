@@ -94,14 +94,21 @@ def test_vehicle_past_its_line_is_committed_if_moving_or_inside_a_conflict(
     assert initial_memory(T_JUNCTION, traffic).delta.tolist() == [committed]
 
 
-def test_foe_that_is_held_does_not_hold_others() -> None:
-    # SE-SW waits for a stream of NW-SW, which SW-NW does not cross; SW-NW would have to yield to SE-SW alone
-    stream = [("NW-SW", 20.0 + 15 * k, 10.0) for k in range(4)]
-    traffic = place(BENDPLATZ, ("SW-NW", 1.5, 0), ("SE-SW", 1.5, 0), *stream)
+def test_foe_held_on_a_road_without_priority_does_not_hold_others() -> None:
+    # SW-NE waits for a stream of SE-NE, which NE-SE does not meet; NE-SE would have to yield to SW-NE alone
+    stream = [("SE-NE", 20.0 + 15 * k, 10.0) for k in range(4)]
+    traffic = place(BENDPLATZ, ("NE-SE", 1.5, 0), ("SW-NE", 1.5, 0), *stream)
     result = predict(BENDPLATZ, traffic)
     assert result.enters[:5, :2].tolist() == [[False, False], *[[True, False]] * 4]
-    alone = predict(BENDPLATZ, place(BENDPLATZ, ("SW-NW", 1.5, 0), ("SE-SW", 1.5, 0)))
+    alone = predict(BENDPLATZ, place(BENDPLATZ, ("NE-SE", 1.5, 0), ("SW-NE", 1.5, 0)))
     assert alone.enters[:5, :2].tolist() == [[False, True]] * 5
+
+
+def test_foe_held_on_a_road_with_priority_holds_others() -> None:
+    # SE-SW waits for a stream of NW-SW, which SW-NW does not cross; it will go as soon as that is over
+    stream = [("NW-SW", 20.0 + 15 * k, 10.0) for k in range(4)]
+    traffic = place(BENDPLATZ, ("SW-NW", 1.5, 0), ("SE-SW", 1.5, 0), *stream)
+    assert not predict(BENDPLATZ, traffic).enters[:5, :2].any()
 
 
 def test_foe_told_to_wait_by_a_maneuver_holds_nobody_by_rule() -> None:

@@ -59,7 +59,7 @@ def accepts_gap(
     i, j = int(pair[0]), int(pair[1])
     conflict = conflict_of(intersection, traffic, i, j)
     assert conflict is not None
-    if hold[j] > traffic.route[i]:
+    if hold[j] > intersection.ranks[traffic.route[i]]:
         return True
     to_guarantee, _, to_line, speed = (float(x) for x in features)
     if gap == "critical_gap":
@@ -123,7 +123,7 @@ def holds(intersection: Map, traffic: Traffic, memory: Memory, delta: Booleans, 
         elif says.told_to_wait[i]:
             own = len(intersection.routes)
         else:
-            own = int(traffic.route[i])
+            own = intersection.ranks[traffic.route[i]]
         queue = -1
         leader, _, _ = lead(intersection, traffic, memory.present, i)
         is_before = distance_to_stop_line(intersection, traffic, i) >= 0

@@ -4,6 +4,7 @@ import zlib
 from collections.abc import Iterator
 from dataclasses import dataclass
 from enum import IntEnum
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -103,6 +104,25 @@ class Map:
     conflicts: tuple[Conflict, ...]
     shared_lanes: tuple[SharedLane, ...]
     overlaps: tuple[Overlap, ...]
+
+    @cached_property
+    def ranks(self) -> list[int]:
+        """(Route,). Whoever waits itself holds up those who yield to it, but for those below it."""
+        routes, yields = range(len(self.routes)), {(one.yielder, one.prioritized) for one in self.conflicts}
+        arms = [route.id.split("-")[0] for route in self.routes]
+        major_arms = {arms[route] for route in routes if all(yielder != route for yielder, _ in yields)}
+
+        def yielders_first(some: list[int]) -> list[int]:
+            if not some:
+                return []
+            counts = [sum((other, route) in yields for other in some) for route in some]
+            first = some[counts.index(min(counts))]
+            return [first, *yielders_first([route for route in some if route != first])]
+
+        major = yielders_first([route for route in routes if arms[route] in major_arms])
+        minor = yielders_first([route for route in routes if arms[route] not in major_arms])
+        ranked = [*reversed(major), *minor]
+        return [ranked.index(route) for route in routes]
 
 
 def sample(intersection: Map, route: int, position: float) -> Floats:

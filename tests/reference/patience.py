@@ -27,7 +27,7 @@ def patience(
         chances = [
             1.0 / (1.0 + math.exp(-evaluate(network, row, "leaky_relu")))
             for pair, row in zip(pairs, features, strict=True)
-            if pair[0] == i and memory.hold[pair[1]] <= traffic.route[i]
+            if pair[0] == i and memory.hold[pair[1]] <= intersection.ranks[traffic.route[i]]
         ]
         refused = min(chances) if chances and waits(intersection, traffic, memory, i) else 0.0
         quantile = refused + level * (1.0 - refused)

@@ -154,5 +154,5 @@ def recorded_holds(recording: Recording, time: int, here: list[int]) -> Integers
             recording.intersection, traffic, np.ones(len(here), np.bool_), np.array([i, j]), 1 if second == j else 0
         )
         if is_open and (second == i or conflict.by_arrival):
-            result[second] = traffic.route[second]
+            result[second] = recording.intersection.ranks[traffic.route[second]]
     return result

@@ -51,5 +51,5 @@ def turn(intersection: Map, traffic: Traffic, memory: Memory, i: int) -> tuple[i
 def by_arrival(intersection: Map, traffic: Traffic, memory: Memory, i: int, j: int) -> int:
     """Of i, which yields to j on a tie, and j: +1 where i goes first, -1 where j does."""
     mine, other = turn(intersection, traffic, memory, i), turn(intersection, traffic, memory, j)
-    goes_first = mine > other or (mine == other and memory.hold[j] > traffic.route[i])
+    goes_first = mine > other or (mine == other and memory.hold[j] > intersection.ranks[traffic.route[i]])
     return 1 if goes_first else -1

@@ -15,7 +15,7 @@ constexpr int MAX_ROWS = MAX_VEHICLES / WIDTH;
 // A row of vehicles.
 struct VehicleRow : VehicleLanes {
     Floats half_length, max_speed, stop_line, first_conflict, route_length, last_row, time_loss;
-    Ints first_row, route, present, must_stop;
+    Ints first_row, rank, present, must_stop;
 
     Ints first() const { return first_row; }
     Floats last() const { return last_row; }
@@ -46,7 +46,7 @@ void start(const LaneProblem& p, OneScenario& run) {
         row.route_length = lanes_at(p.route_length + at);
         row.last_row = lanes_at(p.last_row + at);
         row.first_row = lanes_at(p.first_row + at);
-        row.route = lanes_at(p.route + at);
+        row.rank = lanes_at(p.rank + at);
         row.position = lanes_at(p.position + at);
         row.speed = lanes_at(p.speed + at);
         row.delta = lanes_at(p.delta + at);
@@ -135,7 +135,7 @@ PairRow pairs_at(const Problem& problem, const std::int32_t* assignments, long f
     if (by_arrival) {
         const Ints way =
             INTERSECTION_ENV_ISA::by_arrival(pick(run.turn, run.count, row.i), pick(run.turn, run.count, row.j),
-                                             pick(run.hold, run.count, row.j), lanes_at(p.yielder_route + first));
+                                             pick(run.hold, run.count, row.j), lanes_at(p.yielder_rank + first));
         row.assignment = (row.assignment == 0) & (lanes_at(p.by_arrival + first) != 0) ? way : row.assignment;
     }
     row.end_i = lanes_at(p.yielder_end + first), row.end_j = lanes_at(p.prioritized_end + first);
@@ -153,7 +153,7 @@ void decide_pairs(const Problem& problem, const std::int32_t* assignments, long 
     const LaneProblem& p = problem.lanes;
     const auto [i, j, assignment, active, end_i, end_j, half_i, half_j, position_i, position_j, rear_i, rear_j] =
         pairs_at(problem, assignments, first, problem.has_stops, run);
-    const Ints open = active & (assignment == 0) & (pick(run.hold, run.count, j) <= lanes_at(p.yielder_route + first));
+    const Ints open = active & (assignment == 0) & (pick(run.hold, run.count, j) <= lanes_at(p.yielder_rank + first));
     const Ints to_i = active & (assignment < 0), to_j = active & (assignment > 0);
     const Ints asked = open & ~pick(run.decided, run.count, i);
     std::uint64_t refused = 0;
@@ -312,7 +312,7 @@ void predict_one_scenario(const Problem& problem, const ScenarioArguments& argum
             VehicleRow& row = run.rows[r];
             row.refused = row_of(run.refused, r);
             row.kept = row_of(run.kept, r);
-            decide_vehicle(row, row_of(run.refused_by_assignment, r) ? all_ints(problem.route_count) : row.route);
+            decide_vehicle(row, row_of(run.refused_by_assignment, r) ? all_ints(problem.route_count) : row.rank);
         }
         if (arguments.decisions != nullptr) {
             replay_decisions(arguments.decisions, count, step, run);

@@ -92,15 +92,15 @@ struct Answer {
 inline Answer answer(const Problem& problem, const ProblemPair& pair, Ints assignment, Ints where,
                      const ScenarioLanes& lanes) {
     const PredictedVehicle &i = lanes.vehicles[pair.yielder], &j = lanes.vehicles[pair.prioritized];
-    const int route = problem.vehicles[pair.yielder].route;
+    const int rank = problem.vehicles[pair.yielder].rank;
     Ints way = assignment, told = all_ints(-1);
     if (pair.by_arrival) {
         told = assignment != 0;
-        way = told ? assignment : by_arrival(i.turn, j.turn, j.hold, all_ints(route));
+        way = told ? assignment : by_arrival(i.turn, j.turn, j.hold, all_ints(rank));
     }
     const Ints open_pair = active(pair, way, lanes) & where;
     const Ints to_i = open_pair & (way < 0), to_j = open_pair & (way > 0);
-    const Ints unassigned = open_pair & (way == 0), open = unassigned & (j.hold <= route);
+    const Ints unassigned = open_pair & (way == 0), open = unassigned & (j.hold <= rank);
     const Ints asked = open & ~i.refused & ~settled(i); // elsewhere the answer changes nothing
     Ints refused = to_i;
     if (any(asked)) {
@@ -149,7 +149,7 @@ inline void decide_vehicles(const Problem& problem, ScenarioLanes& lanes) {
     for (int i = 0; i < problem.vehicle_count; ++i) {
         PredictedVehicle& vehicle = lanes.vehicles[i];
         decide_vehicle(vehicle, vehicle.refused_by_assignment ? all_ints(problem.route_count)
-                                                              : all_ints(problem.vehicles[i].route));
+                                                              : all_ints(problem.vehicles[i].rank));
     }
 }
 

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "model/ranks.hpp"
 #include "model/text_reader.hpp"
 
 namespace intersection_env {
@@ -137,6 +138,7 @@ void Map::index(const TextReader& reader) {
         }
     }
     has_stops_ = std::ranges::any_of(routes, &Route::must_stop);
+    rank_routes(*this);
 }
 
 Sample Map::at(int route, float position) const {

@@ -85,7 +85,7 @@ void Predictor::bind(const Traffic& traffic, std::span<const Pair> pairs, bool d
         bound.vehicles.push_back({tables_.first_row[at(index)], static_cast<int>(route.samples.size()) - 1,
                                   traffic.position[at(i)], traffic.speed[at(i)], 0.5F * traffic.length[at(i)],
                                   0.5F * traffic.width[at(i)], std::min(traffic.max_speed[at(i)], UNBOUNDED),
-                                  route.stop_line, route.first_conflict, route.length, index, route.must_stop,
+                                  route.stop_line, route.first_conflict, route.length, route.rank, route.must_stop,
                                   traffic.has_memories() ? traffic.delta[at(i)] != 0 : committed(*map_, traffic, i),
                                   traffic.has_memories() ? traffic.hold[at(i)] : -1, traffic.steps_waited(i),
                                   traffic.has_patience() ? traffic.patience[at(i)] : 0.0F, first,

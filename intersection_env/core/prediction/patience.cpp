@@ -17,12 +17,12 @@ bool goes(const Map& map, const Traffic& traffic, int vehicle) {
 }
 
 // Of the gaps that are asked for; none where nobody is in the way, or all who are wait themselves.
-std::optional<double> least_logit(const Traffic& traffic, int vehicle, std::span<const Pair> pairs,
+std::optional<double> least_logit(const Map& map, const Traffic& traffic, int vehicle, std::span<const Pair> pairs,
                                   std::span<const float> logits) {
+    const int rank = map.routes[at(traffic.route[at(vehicle)])].rank;
     std::optional<double> least;
     for (std::size_t p = 0; p < pairs.size(); ++p) {
-        const bool is_held =
-            traffic.has_memories() && traffic.hold[at(pairs[p].prioritized)] > traffic.route[at(vehicle)];
+        const bool is_held = traffic.has_memories() && traffic.hold[at(pairs[p].prioritized)] > rank;
         if (pairs[p].yielder == vehicle && !is_held) {
             least = std::min(least.value_or(logits[p]), double{logits[p]});
         }
@@ -40,7 +40,7 @@ bool waits(const Map& map, const Traffic& traffic, int vehicle) {
 float patience_of(const Map& map, const Traffic& traffic, int vehicle, std::span<const Pair> pairs,
                   std::span<const float> logits, double level) {
     const std::optional<double> refused =
-        waits(map, traffic, vehicle) ? least_logit(traffic, vehicle, pairs, logits) : std::nullopt;
+        waits(map, traffic, vehicle) ? least_logit(map, traffic, vehicle, pairs, logits) : std::nullopt;
     if (!refused) {
         return static_cast<float>(std::log(level / (1.0 - level)));
     }

@@ -131,6 +131,7 @@ void bind_model(nb::module_& m) {
         .def_ro("stop_line", &Route::stop_line)
         .def_ro("must_stop", &Route::must_stop)
         .def_ro("stop_lane", &Route::stop_lane)
+        .def_ro("rank", &Route::rank)
         .def_prop_ro("junction", [](const Route& r) { return std::make_tuple(r.junction.begin, r.junction.end); })
         .def_ro("first_conflict", &Route::first_conflict)
         .def_prop_ro("sample_count", [](const Route& r) { return r.samples.size(); });

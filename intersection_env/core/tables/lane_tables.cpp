@@ -32,7 +32,7 @@ void LaneTables::fill_vehicles(const std::vector<ProblemVehicle>& vehicles) {
     position_.assign(size, 0.0F);
     speed_.assign(size, 0.0F);
     first_row_.assign(size, 0);
-    route_.assign(size, 0);
+    rank_.assign(size, 0);
     delta_.assign(size, 0);
     hold_.assign(size, -1);
     waited_.assign(size, 0);
@@ -48,7 +48,7 @@ void LaneTables::fill_vehicles(const std::vector<ProblemVehicle>& vehicles) {
         position_[i] = vehicle.position;
         speed_[i] = vehicle.speed;
         first_row_[i] = vehicle.first_row;
-        route_[i] = vehicle.route;
+        rank_[i] = vehicle.rank;
         delta_[i] = vehicle.delta ? -1 : 0;
         hold_[i] = vehicle.hold;
         waited_[i] = vehicle.waited;
@@ -99,7 +99,7 @@ void LaneTables::order_pairs(const std::vector<ProblemPair>& pairs) {
 void LaneTables::fill_pairs(const std::vector<ProblemVehicle>& vehicles, const std::vector<ProblemPair>& pairs) {
     order_pairs(pairs);
     const std::size_t size = at(padded_pairs_);
-    for (auto* one : {&yielder_, &prioritized_, &yielder_route_, &merging_, &by_arrival_}) {
+    for (auto* one : {&yielder_, &prioritized_, &yielder_rank_, &merging_, &by_arrival_}) {
         one->assign(size, 0);
     }
     for (auto* one : {&yielder_entry_, &prioritized_entry_, &yielder_half_length_, &prioritized_half_length_,
@@ -113,7 +113,7 @@ void LaneTables::fill_pairs(const std::vector<ProblemVehicle>& vehicles, const s
         const ProblemVehicle &i = vehicles[at(pair.yielder)], &j = vehicles[at(pair.prioritized)];
         yielder_[k] = pair.yielder;
         prioritized_[k] = pair.prioritized;
-        yielder_route_[k] = i.route;
+        yielder_rank_[k] = i.rank;
         merging_[k] = pair.merging ? -1 : 0;
         by_arrival_[k] = pair.by_arrival ? -1 : 0;
         yielder_end_[k] = pair.yielder_end;
@@ -148,7 +148,7 @@ LaneProblem LaneTables::problem() const {
             position_.data(),
             speed_.data(),
             first_row_.data(),
-            route_.data(),
+            rank_.data(),
             delta_.data(),
             hold_.data(),
             waited_.data(),
@@ -162,7 +162,7 @@ LaneProblem LaneTables::problem() const {
             pair_.data(),
             yielder_.data(),
             prioritized_.data(),
-            yielder_route_.data(),
+            yielder_rank_.data(),
             merging_.data(),
             by_arrival_.data(),
             yielder_end_.data(),

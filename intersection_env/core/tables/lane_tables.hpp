@@ -25,10 +25,10 @@ class LaneTables {
     int vehicles_ = 0, padded_vehicles_ = 0, candidates_ = 0, padded_pairs_ = 0;
     LaneVector<float> half_length_, max_speed_, stop_line_, first_conflict_, route_length_, last_row_, position_,
         speed_;
-    LaneVector<std::int32_t> first_row_, route_, delta_, hold_, waited_, must_stop_;
+    LaneVector<std::int32_t> first_row_, rank_, delta_, hold_, waited_, must_stop_;
     LaneVector<std::int32_t> other_, other_stop_lane_;
     LaneVector<float> begin_, end_, offset_, other_half_length_;
-    LaneVector<std::int32_t> pair_, yielder_, prioritized_, yielder_route_, merging_, by_arrival_;
+    LaneVector<std::int32_t> pair_, yielder_, prioritized_, yielder_rank_, merging_, by_arrival_;
     LaneVector<float> yielder_end_, prioritized_end_, yielder_entry_, prioritized_entry_;
     LaneVector<float> yielder_half_length_, prioritized_half_length_;
     LaneVector<float> yielder_stop_line_, prioritized_line_, yielder_patience_;

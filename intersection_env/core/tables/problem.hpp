@@ -26,7 +26,7 @@ struct ProblemVehicle {
     int first_row, last_row; // of its route: its first row in the tables, its number of rows less one
     float position, speed, half_length, half_width, max_speed;
     float stop_line, first_conflict, route_length;
-    int route;
+    int rank; // its route's
     bool must_stop;
     bool delta; // the memories at the start
     int hold, waited;
@@ -64,14 +64,14 @@ struct LaneProblem {
     int vehicles, padded_vehicles, candidates, padded_pairs; // candidates: the most that one vehicle has
     const float *half_length, *max_speed, *stop_line, *first_conflict, *route_length; // (vehicle,)
     const float *last_row, *position, *speed;
-    const std::int32_t *first_row, *route, *delta, *hold, *waited; // delta is a mask: 0 or -1
-    const std::int32_t* must_stop;                                 // mask
+    const std::int32_t *first_row, *rank, *delta, *hold, *waited; // delta is a mask: 0 or -1
+    const std::int32_t* must_stop;                                // mask
     // (candidate, vehicle)
     const std::int32_t *other, *other_stop_lane; // the latter: 0 where the stop lanes are the same, else -1
     const float *begin, *end, *offset, *other_half_length;
     // (pair,), first one of each yielder, then a second one, and so on: who is refused early need not be asked again
     const std::int32_t* pair; // its index in Problem::pairs
-    const std::int32_t *yielder, *prioritized, *yielder_route, *merging, *by_arrival;
+    const std::int32_t *yielder, *prioritized, *yielder_rank, *merging, *by_arrival;
     const float *yielder_end, *prioritized_end, *yielder_entry, *prioritized_entry;
     const float *yielder_half_length, *prioritized_half_length;
     const float *yielder_stop_line, *prioritized_line;

@@ -187,7 +187,7 @@ void Recorded::add_companion(const Source& from, int own, int other, const Confl
                         order.first ? 1.0F : 0.0F, static_cast<float>(order.fault), line, scenes.half_length(other),
                         0.5F * scenes.width[at(other)], static_cast<float>(scenes.first_sample(other)),
                         static_cast<float>(scenes.first_step(other)), static_cast<float>(scenes.end_step(other)),
-                        static_cast<float>(other_route)});
+                        static_cast<float>(from.map.routes[at(other_route)].rank)});
 }
 
 void Recorded::add_track(const Source& from, int track) {

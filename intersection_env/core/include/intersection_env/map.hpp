@@ -26,6 +26,7 @@ struct Route {
     float stop_line;
     bool must_stop; // a stop is made before that line
     int stop_lane;  // routes with equal index queue in one lane before their stop lines
+    int rank = 0;   // whom a vehicle that waits still holds up (docs/model.md, "Ranks"); from 0, each once
     Interval junction;
     float first_conflict; // where the first conflict of the route begins
     std::vector<Sample> samples;

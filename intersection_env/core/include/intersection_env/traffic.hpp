@@ -26,7 +26,7 @@ struct Traffic {
     std::vector<float> position, speed, length, width;
     std::vector<float> max_speed; // the vehicle's own top speed
     // What each vehicle remembers from a prediction: whether it enters, and whom it lets go while it waits itself:
-    // yielders of routes below that index (-1: nobody). Both empty: docs/model.md, "Memories at the start".
+    // yielders of routes below that rank (-1: nobody). Both empty: docs/model.md, "Memories at the start".
     std::vector<std::uint8_t> delta{};
     std::vector<std::int16_t> hold{};
     // For how many steps each vehicle has stopped at its line or gone on from there; 0: not yet. Empty: nobody has.

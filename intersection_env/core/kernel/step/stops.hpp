@@ -23,10 +23,10 @@ inline Ints turn(Ints waited, Ints told, Ints settled, Ints cannot_stop) {
     return settled ? all_ints(SETTLED) : (cannot_stop ? all_ints(UNDER_WAY) : waiting);
 }
 
-// +1 where the one that yields on a tie goes first, else -1: as if it were assigned. hold: of the other one; route: of
-// the one that yields on a tie.
-inline Ints by_arrival(Ints turn_of_yielder, Ints turn_of_other, Ints hold, Ints route) {
-    const Ints first = (turn_of_yielder > turn_of_other) | ((turn_of_yielder == turn_of_other) & (hold > route));
+// +1 where the one that yields on a tie goes first, else -1: as if it were assigned. hold: of the other one; rank: of
+// the route of the one that yields on a tie.
+inline Ints by_arrival(Ints turn_of_yielder, Ints turn_of_other, Ints hold, Ints rank) {
+    const Ints first = (turn_of_yielder > turn_of_other) | ((turn_of_yielder == turn_of_other) & (hold > rank));
     return first ? all_ints(1) : all_ints(-1);
 }
 

@@ -18,7 +18,7 @@ struct Companions {
     Floats speed() const { return sample[1]; }
     Floats front() const { return sample[0] + row[10]; }
     Floats rear() const { return sample[0] - row[10]; }
-    Ints route() const { return as_ints(row[15]); }
+    Ints rank() const { return as_ints(row[15]); }
 
     // What the one that each is beside has of something.
     template <class Lanes>
@@ -78,9 +78,9 @@ inline void for_each_companion(const ReplayArguments& g, const ReplayLanes& run,
 inline Ints arrived_first(const Companions& them, const Slot& own) {
     const Ints cannot_stop = them.row[9] - them.front() < braking_distance(them.speed());
     const Ints theirs = turn(them.waited(), Ints{}, cannot_stop, cannot_stop), ours = them.beside(own.turn);
-    const Ints theirs_held = them.held() ? them.route() : all_ints(-1);
-    const Ints yields = by_arrival(ours, theirs, theirs_held, them.beside(own.route)) > 0;
-    const Ints goes = by_arrival(theirs, ours, them.beside(own.hold), them.route()) < 0;
+    const Ints theirs_held = them.held() ? them.rank() : all_ints(-1);
+    const Ints yields = by_arrival(ours, theirs, theirs_held, them.beside(own.rank)) > 0;
+    const Ints goes = by_arrival(theirs, ours, them.beside(own.hold), them.rank()) < 0;
     return them.row[6] > 0.0F ? yields : goes;
 }
 
@@ -143,8 +143,8 @@ inline void meet(const ReplayArguments& g, const Companions& them, ReplayLanes& 
         refuse(open & in_turn & ~arrived_first(them, own), them, own);
         open &= ~in_turn;
     }
-    open &= ~(them.held() & (them.route() > them.beside(own.route))); // it is held, and holds nobody up
-    open &= ~them.beside(own.refused | settled(own));                 // nothing would change
+    open &= ~(them.held() & (them.rank() > them.beside(own.rank))); // it is held, and holds nobody up
+    open &= ~them.beside(own.refused | settled(own));               // nothing would change
     if (any(open)) {
         const Encounter met = encounter(g, them, own_rear, own);
         if (g.gap == Gap::network) {

@@ -17,7 +17,7 @@ struct Slot : VehicleLanes {
     Ints route;
 
     Floats stop_line, route_length, first_conflict, last_row; // of the route
-    Ints first_row, stop_lane, overlaps, pair_row, must_stop;
+    Ints first_row, stop_lane, rank, overlaps, pair_row, must_stop;
     Ints turn; // at an all-way stop
 
     Floats x, y, braked_x, braked_y, reach; // reach: the body goes no further from the centre [m]
@@ -44,7 +44,8 @@ inline void load_route(const MapRows& map, Slot& slot) {
     slot.first_conflict = row[2];
     slot.first_row = as_ints(row[3]);
     slot.last_row = row[4];
-    slot.stop_lane = as_ints(row[5]);
+    slot.stop_lane = as_ints(row[5]) & (STOP_LANES - 1);
+    slot.rank = as_ints(row[5]) / STOP_LANES;
     slot.overlaps = as_ints(row[6]) | (as_ints(row[7]) << 16);
     slot.pair_row =
         slot.route * (map.route_count * (map.links == nullptr ? PAIR_COLUMNS : map.link_count * LINK_COLUMNS));
@@ -163,12 +164,12 @@ inline void meet(const MapRows& map, const GapNetwork* network, World& world, in
     const Ints a_yields = r.kind > 0.0F;
     const Floats rear = a_yields ? a.rear : b.rear, pga = a_yields ? r.own_end : r.other_end;
     const Floats foe_position = a_yields ? b.position : a.position, foe_end = a_yields ? r.other_end : r.own_end;
-    const Ints foe_hold = a_yields ? b.hold : a.hold, route = a_yields ? a.route : b.route;
+    const Ints foe_hold = a_yields ? b.hold : a.hold, rank = a_yields ? a.rank : b.rank;
     const Ints active = (r.kind != 0.0F) & (rear < pga) & (foe_position < foe_end);
     b.kept |= active & a_yields & settled(a) & ~b.delta;
     seen.kept |= active & ~a_yields & settled(b) & ~a.delta;
     const Ints decided = a_yields ? is_decided(a, seen.refused) : is_decided(b, Ints{});
-    const Ints open = active & (foe_hold <= route) & ~decided;
+    const Ints open = active & (foe_hold <= rank) & ~decided;
     if (any(open)) {
         const Floats line = a_yields ? b.stop_line : a.stop_line;
         judge<GAP>(network, world, i, j, open, r.kind, r.own_end, r.other_end, line, seen);
@@ -177,7 +178,7 @@ inline void meet(const MapRows& map, const GapNetwork* network, World& world, in
 
 // Of two that came to an all-way stop, the later one waits. first: mask, where a is the one that yields on a tie.
 inline void meet_by_arrival(const Link& r, Ints first, Slot& a, Slot& b, Seen& seen) {
-    const Ints way = first ? by_arrival(a.turn, b.turn, b.hold, a.route) : -by_arrival(b.turn, a.turn, a.hold, b.route);
+    const Ints way = first ? by_arrival(a.turn, b.turn, b.hold, a.rank) : -by_arrival(b.turn, a.turn, a.hold, b.rank);
     const Ints a_waits = (way < 0) & (a.rear < r.own_end) & (b.position < r.other_end);
     const Ints b_waits = (way > 0) & (b.rear < r.other_end) & (a.position < r.own_end);
     seen.refused |= r.by_arrival & a_waits;
@@ -206,7 +207,7 @@ inline void meet_along_lanes(const MapRows& map, const GapNetwork* network, Worl
         b.kept |= active & a_yields & settled(a) & ~b.delta;
         seen.kept |= active & ~a_yields & settled(b) & ~a.delta;
         const Ints decided = a_yields ? is_decided(a, seen.refused) : is_decided(b, Ints{});
-        const Ints open = active & ((a_yields ? b.hold : a.hold) <= (a_yields ? a.route : b.route)) & ~decided;
+        const Ints open = active & ((a_yields ? b.hold : a.hold) <= (a_yields ? a.rank : b.rank)) & ~decided;
         if (any(open)) {
             judge<GAP>(network, world, i, j, open, r.kind, r.own_end, r.other_end, r.line, seen);
         }
@@ -287,7 +288,7 @@ inline void decide(const MapRows& map, const GapNetwork* network, int count, Bod
     }
     answer_rest(network, world.open, RefusedIn{world});
     for (int i = 0; i < count; ++i) {
-        decide_vehicle(world.slots[i], world.slots[i].route);
+        decide_vehicle(world.slots[i], world.slots[i].rank);
     }
 }
 
