@@ -14,8 +14,9 @@ constexpr int SAMPLE_COLUMNS = 5; // position, speed, memory, place, place once 
 constexpr int COMPANION_COLUMNS = 16;
 // end of a lane that they share, where the other has to be in it, offset, may lead; own end, other's end, kind of
 // conflict (0 none, 1 crossing, 2 merging, 3 by arrival; negative where the other one yields), went first; fault, the
-// conflict's line, half length, half width; other's first sample, first step, end step, rank. Two routes that conflict
-// twice, or share two lanes, have two rows.
+// conflict's line, half length, half width; other's first sample, first step, end step, rank and route. Two routes that
+// conflict twice, or share two lanes, have two rows.
+constexpr int ROUTES_OF_COMPANIONS = 256; // their rank and route are one number: rank * 256 + route
 constexpr float BY_ARRIVAL = 3.0F;
 constexpr int WINDOW_STEPS = 8;
 // of a track, from its first step on; where in the list those of its companions begin that can matter in it; they end

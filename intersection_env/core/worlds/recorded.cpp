@@ -181,13 +181,14 @@ void Recorded::add_companion(const Source& from, int own, int other, const Confl
         kind = yields ? kind : -kind;
         line = yields && !conflict->by_arrival ? conflict->line : line;
     }
-    companions_.insert(companions_.end(),
-                       {lane == nullptr ? -FAR : lane->end, lane == nullptr ? FAR : lane->begin_b,
-                        lane == nullptr ? 0.0F : lane->offset, order.follows ? 1.0F : 0.0F, own_end, other_end, kind,
-                        order.first ? 1.0F : 0.0F, static_cast<float>(order.fault), line, scenes.half_length(other),
-                        0.5F * scenes.width[at(other)], static_cast<float>(scenes.first_sample(other)),
-                        static_cast<float>(scenes.first_step(other)), static_cast<float>(scenes.end_step(other)),
-                        static_cast<float>(from.map.routes[at(other_route)].rank)});
+    companions_.insert(
+        companions_.end(),
+        {lane == nullptr ? -FAR : lane->end, lane == nullptr ? FAR : lane->begin_b,
+         lane == nullptr ? 0.0F : lane->offset, order.follows ? 1.0F : 0.0F, own_end, other_end, kind,
+         order.first ? 1.0F : 0.0F, static_cast<float>(order.fault), line, scenes.half_length(other),
+         0.5F * scenes.width[at(other)], static_cast<float>(scenes.first_sample(other)),
+         static_cast<float>(scenes.first_step(other)), static_cast<float>(scenes.end_step(other)),
+         static_cast<float>(from.map.routes[at(other_route)].rank * ROUTES_OF_COMPANIONS + other_route)});
 }
 
 void Recorded::add_track(const Source& from, int track) {
@@ -215,7 +216,8 @@ void Recorded::add_windows(const Source& from, int track, std::span<const float>
             companion[3] > 0.0F && there - companion[10] < companion[0] && position + companion[10] > companion[1];
         const bool is_awaited =
             may_wait(companion) && position < companion[5] && !(from.recording && companion[7] > 0.0F);
-        const Body body{static_cast<int>(companion[15]), position, 2.0F * companion[10], 2.0F * companion[11]};
+        const Body body{static_cast<int>(companion[15]) % ROUTES_OF_COMPANIONS, position, 2.0F * companion[10],
+                        2.0F * companion[11]};
         Body later = body;
         later.position = braked(position, sample[1]);
         return leads || is_awaited ||

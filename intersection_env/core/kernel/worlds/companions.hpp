@@ -18,7 +18,8 @@ struct Companions {
     Floats speed() const { return sample[1]; }
     Floats front() const { return sample[0] + row[10]; }
     Floats rear() const { return sample[0] - row[10]; }
-    Ints rank() const { return as_ints(row[15]); }
+    Ints route() const { return as_ints(row[15]) & (ROUTES_OF_COMPANIONS - 1); }
+    Ints rank() const { return as_ints(row[15]) / ROUTES_OF_COMPANIONS; }
 
     // What the one that each is beside has of something.
     template <class Lanes>
@@ -201,8 +202,8 @@ inline void touch(const ReplayArguments& g, const Companions& them, ReplayLanes&
         const float speed = them.sample[1][k];
         const Body body{own.route[l], own.position[l], 2.0F * own.half_length[l], 2.0F * own.half_width[l],
                         own.waited[l]};
-        const Body foe{static_cast<int>(them.row[15][k]), them.sample[0][k], 2.0F * them.row[10][k],
-                       2.0F * them.row[11][k], them.waited()[k]};
+        const Body foe{them.route()[k], them.sample[0][k], 2.0F * them.row[10][k], 2.0F * them.row[11][k],
+                       them.waited()[k]};
         if (collide(*g.map.whole, body, foe, own.braking_distance[l], speed * speed * (0.5F / BRAKING), g.bodies) &&
             (looked_up[k] == 0 || is_at_fault(g, them, k, body, foe))) {
             run.collided[l] = -1;
