@@ -1,8 +1,10 @@
 #include "model/ranks.hpp"
 
 #include <algorithm>
+#include <iterator>
 #include <set>
 #include <string_view>
+#include <vector>
 
 namespace intersection_env {
 namespace {
