@@ -232,7 +232,10 @@ def _ablations(found: Json | None) -> Iterator[str]:
     if found is None:
         yield "Not run: `make ablations`."
         return
-    yield "One thing changed at a time, measured on development (`make ablations`). Gap networks, calibrated IDM:"
+    yield (
+        "One thing changed at a time, measured on development (`make ablations`); of which commit stands in "
+        "experiments/README.md. Gap networks, calibrated IDM:"
+    )
     yield ablations.gap_table(found["gap"])
     yield (
         "Drivers: alone among recorded vehicles with the recorded order, and predicting all jointly. Variants are "

@@ -60,7 +60,7 @@ class Route:
     stop_lane: int
     """Routes with equal index queue in one lane before their stop lines."""
     rank: int
-    """Each route has another, from 0; whoever waits itself holds up only those of no lower rank (`docs/model.md`)."""
+    """No two routes have the same, from 0; who waits itself holds up only yielders of its rank or above it."""
     junction: tuple[float, float]
     """Where the approach ends and where the exit lane begins."""
     first_conflict: float

@@ -112,7 +112,7 @@ def test_foe_held_on_a_road_with_priority_holds_others() -> None:
 
 
 def test_foe_told_to_wait_by_a_maneuver_holds_nobody_by_rule() -> None:
-    # E-S (3) held by rule would not let S-W (4) go; told to wait for W-S, which S-W does not meet, it does
+    # E-S (rank 2) held by rule would not let S-W (rank 4) go; told to wait for W-S, which S-W does not meet, it does
     traffic = place(T_JUNCTION, ("S-W", 1.5, 0), ("E-S", 1.5, 0), ("W-S", 1.5, 0))
     assert conflicts(T_JUNCTION, traffic).tolist() == [[0, 1], [1, 2]]
     by_rule = predict(T_JUNCTION, traffic)

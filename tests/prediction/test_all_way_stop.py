@@ -102,6 +102,20 @@ def test_of_two_that_arrive_at_once_the_one_from_the_right_goes_first(driver: st
         assert times[right] < times[left]
 
 
+def test_of_two_that_come_to_their_lines_alike_the_one_of_the_lower_rank_goes_first() -> None:
+    intersection, predictor, alike = Intersection.load("all_way_stop"), Predictor.load("idm"), 0
+    for conflict in intersection.conflicts:
+        routes = [intersection.routes[index] for index in (conflict.yielder, conflict.prioritized)]
+        cars = [car(intersection, route.id, 30.0, 8.0) for route in routes]
+        drive = drives(predictor, Traffic.of(intersection, cars), 20)
+        stops, times = stop_times(intersection, drive), crossing_times(intersection, drive)
+        first, second = (route.id for route in sorted(routes, key=lambda route: route.rank))
+        if stops[first] == stops[second]:
+            assert times[first] < times[second]
+            alike += 1
+    assert alike > 10
+
+
 @pytest.mark.parametrize("driver", DRIVERS)
 def test_four_that_arrive_at_once_clear(driver: str) -> None:
     intersection = Intersection.load("all_way_stop")

@@ -109,15 +109,24 @@ class Map:
     def ranks(self) -> list[int]:
         """(Route,). Whoever waits itself holds up those who yield to it, but for those below it."""
         routes, yields = range(len(self.routes)), {(one.yielder, one.prioritized) for one in self.conflicts}
-        arms = [route.id.split("-")[0] for route in self.routes]
-        major_arms = {arms[route] for route in routes if all(yielder != route for yielder, _ in yields)}
+        yielders, arms = {yielder for yielder, _ in yields}, [route.id.split("-")[0] for route in self.routes]
+        major_arms = {arms[prioritized] for _, prioritized in yields if prioritized not in yielders}
+
+        def reached(start: int, some: list[int]) -> set[int]:
+            """To whom it yields of these, to whom those do, and so on."""
+            found: set[int] = set()
+            while new := {j for i, j in yields if i in {start, *found} and j in some} - found:
+                found |= new
+            return found
 
         def yielders_first(some: list[int]) -> list[int]:
-            if not some:
-                return []
-            counts = [sum((other, route) in yields for other in some) for route in some]
-            first = some[counts.index(min(counts))]
-            return [first, *yielders_first([route for route in some if route != first])]
+            through, left, result = {route: reached(route, some) for route in some}, list(some), []
+            while left:
+                to = {route: [other for other in left if (other, route) in yields] for route in left}
+                due = [route for route in left if through[route] >= set(to[route])]
+                result.append(min(due, key=lambda route: len(to[route])))
+                left.remove(result[-1])
+            return result
 
         major = yielders_first([route for route in routes if arms[route] in major_arms])
         minor = yielders_first([route for route in routes if arms[route] not in major_arms])

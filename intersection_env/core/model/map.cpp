@@ -8,7 +8,6 @@
 namespace intersection_env {
 namespace {
 
-constexpr int MOST_ROUTES_IN_FILE = 256;
 constexpr int MAX_SAMPLES = 100000;
 constexpr int SAMPLE_COLUMNS = 11;
 constexpr int MOST_SHARED = 2, MOST_OVERLAPS = 4; // of two routes
@@ -26,7 +25,7 @@ Route read_route(TextReader& reader) {
     route.length = reader.floats("length", 1)[0];
     route.stop_line = reader.floats("stop_line", 1)[0];
     route.must_stop = reader.count("must_stop", 0, 1) == 1;
-    route.stop_lane = static_cast<int>(reader.count("stop_lane", 0, MOST_ROUTES_IN_FILE - 1));
+    route.stop_lane = static_cast<int>(reader.count("stop_lane", 0, MOST_ROUTES_OF_A_MAP - 1));
     const std::vector<float> junction = reader.floats("junction", 2);
     route.junction = interval(reader, junction[0], junction[1]);
     route.first_conflict = reader.floats("first_conflict", 1)[0];
@@ -64,7 +63,7 @@ Map Map::parse(std::string text, std::string where) {
     if (map.heading_offsets.size() != 6) {
         reader.fail("six heading offsets were expected");
     }
-    const std::int64_t routes = reader.count("routes", 1, MOST_ROUTES_IN_FILE);
+    const std::int64_t routes = reader.count("routes", 1, MOST_ROUTES_OF_A_MAP);
     for (std::int64_t k = 0; k < routes; ++k) {
         map.routes.push_back(read_route(reader));
         const Route& route = map.routes.back();

@@ -24,7 +24,7 @@ std::vector<float> route_row(const Map& map, int route, int first_row) {
             r.first_conflict,
             static_cast<float>(first_row),
             static_cast<float>(r.samples.size() - 1),
-            static_cast<float>(r.rank * STOP_LANES + r.stop_lane),
+            static_cast<float>(r.rank * MOST_ROUTES_OF_A_MAP + r.stop_lane),
             static_cast<float>(low),
             static_cast<float>(high)};
 }

@@ -14,7 +14,7 @@ constexpr int MOST_ROUTES_OF_WORLDS = 32; // ours: one machine word of bits says
 
 constexpr int ROUTE_COLUMNS =
     8; // stop line, length, first conflict, first row, last row, rank and stop lane, overlaps (2 x 16 bits)
-constexpr int STOP_LANES = 256; // rank and stop lane are one number: rank * STOP_LANES + stop lane
+// Rank and stop lane are one number: rank * MOST_ROUTES_OF_A_MAP + stop lane.
 constexpr int PAIR_COLUMNS = 4; // what two routes are to each other, in one quad:
 // where they conflict, the ends of the conflict on the own and on the other route (where they merge, if they do), the
 // other's offset in the lane after a merge, and 1 crossing or 2 merging, negative where the other route yields;

@@ -3,6 +3,8 @@
 
 #include <cstdint>
 
+#include "intersection_env/map.hpp"
+
 namespace intersection_env {
 
 constexpr int TRACK_COLUMNS = 12;
@@ -16,7 +18,7 @@ constexpr int COMPANION_COLUMNS = 16;
 // conflict (0 none, 1 crossing, 2 merging, 3 by arrival; negative where the other one yields), went first; fault, the
 // conflict's line, half length, half width; other's first sample, first step, end step, rank and route. Two routes that
 // conflict twice, or share two lanes, have two rows.
-constexpr int ROUTES_OF_COMPANIONS = 256; // their rank and route are one number: rank * 256 + route
+// Their rank and route are one number: rank * MOST_ROUTES_OF_A_MAP + route.
 constexpr float BY_ARRIVAL = 3.0F;
 constexpr int WINDOW_STEPS = 8;
 // of a track, from its first step on; where in the list those of its companions begin that can matter in it; they end

@@ -188,7 +188,7 @@ void Recorded::add_companion(const Source& from, int own, int other, const Confl
          order.first ? 1.0F : 0.0F, static_cast<float>(order.fault), line, scenes.half_length(other),
          0.5F * scenes.width[at(other)], static_cast<float>(scenes.first_sample(other)),
          static_cast<float>(scenes.first_step(other)), static_cast<float>(scenes.end_step(other)),
-         static_cast<float>(from.map.routes[at(other_route)].rank * ROUTES_OF_COMPANIONS + other_route)});
+         static_cast<float>(from.map.routes[at(other_route)].rank * MOST_ROUTES_OF_A_MAP + other_route)});
 }
 
 void Recorded::add_track(const Source& from, int track) {
@@ -216,7 +216,7 @@ void Recorded::add_windows(const Source& from, int track, std::span<const float>
             companion[3] > 0.0F && there - companion[10] < companion[0] && position + companion[10] > companion[1];
         const bool is_awaited =
             may_wait(companion) && position < companion[5] && !(from.recording && companion[7] > 0.0F);
-        const Body body{static_cast<int>(companion[15]) % ROUTES_OF_COMPANIONS, position, 2.0F * companion[10],
+        const Body body{static_cast<int>(companion[15]) % MOST_ROUTES_OF_A_MAP, position, 2.0F * companion[10],
                         2.0F * companion[11]};
         Body later = body;
         later.position = braked(position, sample[1]);

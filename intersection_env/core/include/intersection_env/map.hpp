@@ -10,6 +10,8 @@
 
 namespace intersection_env {
 
+constexpr int MOST_ROUTES_OF_A_MAP = 256;
+
 // One point of a route. Lengths [m], angles [rad] (unwrapped along the route), speeds [m/s].
 struct Sample {
     float x, y, heading, width, v_max;
@@ -26,10 +28,10 @@ struct Route {
     float stop_line;
     bool must_stop; // a stop is made before that line
     int stop_lane;  // routes with equal index queue in one lane before their stop lines
-    int rank = 0;   // whom a vehicle that waits still holds up (docs/model.md, "Ranks"); from 0, each once
     Interval junction;
     float first_conflict; // where the first conflict of the route begins
     std::vector<Sample> samples;
+    int rank = 0; // whom a vehicle that waits still holds up (docs/model.md, "Ranks"); from 0, each once
 };
 
 // Two routes whose swept areas overlap outside of what lanes they share. The yielder's interval ends at its PGA.

@@ -18,8 +18,8 @@ struct Companions {
     Floats speed() const { return sample[1]; }
     Floats front() const { return sample[0] + row[10]; }
     Floats rear() const { return sample[0] - row[10]; }
-    Ints route() const { return as_ints(row[15]) & (ROUTES_OF_COMPANIONS - 1); }
-    Ints rank() const { return as_ints(row[15]) / ROUTES_OF_COMPANIONS; }
+    Ints route() const { return as_ints(row[15]) & (MOST_ROUTES_OF_A_MAP - 1); }
+    Ints rank() const { return as_ints(row[15]) / MOST_ROUTES_OF_A_MAP; }
 
     // What the one that each is beside has of something.
     template <class Lanes>

@@ -44,8 +44,8 @@ inline void load_route(const MapRows& map, Slot& slot) {
     slot.first_conflict = row[2];
     slot.first_row = as_ints(row[3]);
     slot.last_row = row[4];
-    slot.stop_lane = as_ints(row[5]) & (STOP_LANES - 1);
-    slot.rank = as_ints(row[5]) / STOP_LANES;
+    slot.stop_lane = as_ints(row[5]) & (MOST_ROUTES_OF_A_MAP - 1);
+    slot.rank = as_ints(row[5]) / MOST_ROUTES_OF_A_MAP;
     slot.overlaps = as_ints(row[6]) | (as_ints(row[7]) << 16);
     slot.pair_row =
         slot.route * (map.route_count * (map.links == nullptr ? PAIR_COLUMNS : map.link_count * LINK_COLUMNS));
